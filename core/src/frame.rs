@@ -1,0 +1,87 @@
+//! What one frame consists of, as read: values in the file's own units, NaN and Inf included.
+
+use crate::image::Image;
+use std::path::PathBuf;
+
+/// What a channel of a file means to the method (see the role table of the README).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Role {
+    /// Noisy radiance y, 3 channels.
+    Radiance,
+    /// The denoiser's output z, 3 channels.
+    Denoised,
+    /// Albedo ρ, 3 channels.
+    Albedo,
+    /// Shading normal n, 3 channels.
+    Normal,
+    /// Visibility of the lights at the first hit v, 1 channel.
+    Visibility,
+}
+
+/// Which of the sample sets an image was made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Buffer {
+    /// Half buffer a.
+    A,
+    /// Half buffer b.
+    B,
+    /// The full buffer (a + b) / 2.
+    Full,
+}
+
+/// Which channels of which file filled a role.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RoleSource {
+    pub role: Role,
+    pub buffer: Buffer,
+    pub path: PathBuf,
+    /// Full channel names as in the file, in component order.
+    pub channels: Vec<String>,
+}
+
+/// One half of the samples, with all that was rendered or denoised from it alone.
+#[derive(Clone, Debug)]
+pub struct HalfBuffer {
+    /// y: linear scene-referred RGB, `[3, H, W]`.
+    pub radiance: Image,
+    /// z: the denoiser's output on this half, `[3, H, W]`.
+    pub denoised: Image,
+    /// ρ: `[3, H, W]`, 0..1.
+    pub albedo: Option<Image>,
+    /// n: `[3, H, W]`, -1..1.
+    pub normal: Option<Image>,
+    /// v: `[1, H, W]`, 0..1.
+    pub visibility: Option<Image>,
+}
+
+/// A rendered reference; its own halves let its noise be taken out of relL2.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// `[3, H, W]`
+    pub mean: Image,
+    /// Two independent halves of which `mean` is the mean.
+    pub halves: Option<[Image; 2]>,
+}
+
+/// A frame: two half buffers of one size, and what was made of both together.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    pub a: HalfBuffer,
+    pub b: HalfBuffer,
+    /// The denoiser's output on the full buffer; without it the mean of both halves' is the baseline.
+    pub denoised: Option<Image>,
+    /// Which channel filled which role, in the order read.
+    pub sources: Vec<RoleSource>,
+    /// One line each: lossy input, absent feature and its consequence, ...
+    pub warnings: Vec<String>,
+}
+
+impl Frame {
+    pub fn height(&self) -> usize {
+        self.a.radiance.height()
+    }
+
+    pub fn width(&self) -> usize {
+        self.a.radiance.width()
+    }
+}

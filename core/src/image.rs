@@ -1,0 +1,119 @@
+//! Planar f32 images, the one container that every stage passes on.
+
+/// A planar image `[channels, height, width]` of f32, rows from top to bottom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    channels: usize,
+    height: usize,
+    width: usize,
+    data: Vec<f32>,
+}
+
+impl Image {
+    /// An image filled with `value`.
+    pub fn filled(channels: usize, height: usize, width: usize, value: f32) -> Self {
+        Self { channels, height, width, data: vec![value; channels * height * width] }
+    }
+
+    /// An image of zeros.
+    pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
+        Self::filled(channels, height, width, 0.0)
+    }
+
+    /// Takes ownership of planar samples.
+    ///
+    /// # Panics
+    /// When `data` does not hold `channels * height * width` values.
+    pub fn from_planes(channels: usize, height: usize, width: usize, data: Vec<f32>) -> Self {
+        assert_eq!(data.len(), channels * height * width, "planar samples of {channels}x{height}x{width}");
+        Self { channels, height, width, data }
+    }
+
+    /// Builds an image from one function of (channel, y, x).
+    pub fn from_fn(
+        channels: usize,
+        height: usize,
+        width: usize,
+        mut value: impl FnMut(usize, usize, usize) -> f32,
+    ) -> Self {
+        let mut data = Vec::with_capacity(channels * height * width);
+        for c in 0..channels {
+            for y in 0..height {
+                for x in 0..width {
+                    data.push(value(c, y, x));
+                }
+            }
+        }
+        Self { channels, height, width, data }
+    }
+
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Pixels of one plane, `height * width`.
+    pub fn pixels(&self) -> usize {
+        self.height * self.width
+    }
+
+    /// All planes, one after another.
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    pub fn data_mut(&mut self) -> &mut [f32] {
+        &mut self.data
+    }
+
+    /// Gives the planes away.
+    pub fn into_data(self) -> Vec<f32> {
+        self.data
+    }
+
+    /// Plane `c` as `height * width` values.
+    pub fn plane(&self, c: usize) -> &[f32] {
+        &self.data[c * self.pixels()..(c + 1) * self.pixels()]
+    }
+
+    pub fn plane_mut(&mut self, c: usize) -> &mut [f32] {
+        let pixels = self.pixels();
+        &mut self.data[c * pixels..(c + 1) * pixels]
+    }
+
+    pub fn at(&self, c: usize, y: usize, x: usize) -> f32 {
+        self.data[(c * self.height + y) * self.width + x]
+    }
+
+    pub fn set(&mut self, c: usize, y: usize, x: usize, value: f32) {
+        self.data[(c * self.height + y) * self.width + x] = value;
+    }
+
+    /// Same width and height, whatever the channels.
+    pub fn same_size(&self, other: &Image) -> bool {
+        self.height == other.height && self.width == other.width
+    }
+
+    /// The rectangle at (`top`, `left`) of `height` x `width` pixels.
+    ///
+    /// # Panics
+    /// When the rectangle leaves the image.
+    pub fn crop(&self, top: usize, left: usize, height: usize, width: usize) -> Image {
+        assert!(top + height <= self.height && left + width <= self.width, "crop leaves the image");
+        Image::from_fn(self.channels, height, width, |c, y, x| self.at(c, top + y, left + x))
+    }
+
+    /// The mean of two images of one shape.
+    pub fn mean_of(a: &Image, b: &Image) -> Image {
+        assert!(a.same_size(b) && a.channels == b.channels, "mean of images of one shape");
+        let data = a.data.iter().zip(&b.data).map(|(a, b)| 0.5 * (a + b)).collect();
+        Image { data, ..*a }
+    }
+}
