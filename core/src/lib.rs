@@ -1,4 +1,10 @@
 //! The method of self-supervised post-correction, apart from any learning framework.
 
+pub mod features;
 pub mod frame;
+pub mod gc;
 pub mod image;
+pub mod network;
+pub mod parameters;
+pub mod rng;
+pub mod simd;

@@ -1,0 +1,88 @@
+//! How fast the kernels run on one thread, under every instruction set, and that they are right
+//! while they do: `cargo run --release -p sspc-core --example kernel_rates`.
+
+use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
+use sspc_core::gc::{self, ParameterPlanes, Region, Taps, Upstream};
+use sspc_core::image::Image;
+use sspc_core::network::{self, Shape};
+use sspc_core::parameters::{self, Form};
+use sspc_core::rng::Rng;
+use sspc_core::simd::{Isa, Simd};
+use std::time::Instant;
+
+struct Ones;
+impl Upstream for Ones {
+    const NEEDED: bool = true;
+    #[inline(always)]
+    unsafe fn gradient<S: Simd>(&mut self, _: usize, _: usize, _: usize, _: [S::F; 3]) -> [S::F; 3] {
+        unsafe { [S::splat(1.0); 3] }
+    }
+}
+
+/// Median seconds of seven runs.
+fn seconds(mut f: impl FnMut()) -> f64 {
+    f();
+    let mut times: Vec<f64> = (0..7)
+        .map(|_| {
+            let start = Instant::now();
+            f();
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[3]
+}
+
+fn main() {
+    const SIDE: usize = 32;
+    const BATCH: usize = 8;
+    let rng = &mut Rng::new(1);
+    let shape = Shape::paper(Form::Gated);
+    let weights: Vec<f32> = (0..shape.parameter_count()).map(|_| 0.1 * rng.normal()).collect();
+    let pixels = BATCH * SIDE * SIDE;
+    let input: Vec<f32> = (0..FEATURE_CHANNELS * pixels).map(|_| rng.uniform()).collect();
+    let image = Image::from_fn(FEATURE_CHANNELS, 64, 64, |_, _, _| rng.uniform());
+    let windows = Windows::new(&image, None, FeatureSet::ALL, gc::PAPER_RADIUS);
+    let taps = Taps::square(gc::PAPER_RADIUS);
+    let region = Region { top: 16, left: 16, height: SIDE, width: SIDE };
+    let gflop = 2.0 * (shape.parameter_count() - 16 * shape.layers) as f64 * pixels as f64 * 1e-9;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    println!("one thread; network in GFLOP/s, g_c in µs per pixel");
+    let mut first: Option<(Vec<f32>, Vec<f32>)> = None;
+    for isa in Isa::available() {
+        pool.install(|| {
+            let (out, saved) = network::forward(isa, &shape, &weights, &input, SIDE, SIDE);
+            let forward = seconds(|| {
+                network::forward(isa, &shape, &weights, &input, SIDE, SIDE);
+            });
+            let backward = seconds(|| {
+                network::backward(isa, &shape, &weights, &saved, &out);
+            });
+            let mut p: Vec<f32> = out[..16 * SIDE * SIDE].to_vec();
+            parameters::activate(isa, Form::Gated, &mut p);
+            let view = ParameterPlanes::of_region(Form::Gated, &p, &region);
+            let mut corrected = vec![0.0; 3 * region.pixels()];
+            let mut gradient = vec![0.0; p.len()];
+            let gc_forward = seconds(|| gc::forward(isa, &windows, &taps, region, view, &mut corrected));
+            let gc_both = seconds(|| {
+                gc::backward(isa, &windows, &taps, region, view, &mut Ones, &mut corrected, &mut gradient);
+            });
+            let micro = 1e6 / region.pixels() as f64;
+            println!(
+                "{:9} network forward {:6.1} backward {:6.1} | g_c forward {:.3} forward and backward {:.3}",
+                isa.name(),
+                gflop / forward,
+                2.0 * gflop / backward,
+                gc_forward * micro,
+                gc_both * micro
+            );
+            let answer = (corrected, out);
+            if let Some(first) = &first {
+                let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * b.abs().max(1.0));
+                assert!(close(&answer.0, &first.0) && close(&answer.1, &first.1), "{} disagrees", isa.name());
+            } else {
+                first = Some(answer);
+            }
+        });
+    }
+}

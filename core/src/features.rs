@@ -1,0 +1,141 @@
+//! Channel order of the features that the network reads and g_c compares, and the padded planes
+//! from which g_c's windows are read. The one owner of both.
+
+use crate::image::Image;
+use crate::simd::MAX_LANES;
+
+/// y(3) ρ(3) v(1) n(3) z(3).
+pub const FEATURE_CHANNELS: usize = 13;
+/// First channel of the noisy radiance y.
+pub const RADIANCE: usize = 0;
+/// First channel of the albedo ρ.
+pub const ALBEDO: usize = 3;
+/// The visibility v.
+pub const VISIBILITY: usize = 6;
+/// First channel of the normal n.
+pub const NORMAL: usize = 7;
+/// First channel of the denoised radiance z.
+pub const DENOISED: usize = 10;
+
+/// Names of the channels, in order, as the model contract states them.
+pub const CHANNEL_NAMES: [&str; FEATURE_CHANNELS] = [
+    "radiance.R", "radiance.G", "radiance.B", "albedo.R", "albedo.G", "albedo.B", "visibility",
+    "normal.X", "normal.Y", "normal.Z", "denoised.R", "denoised.G", "denoised.B",
+];
+
+/// Which optional features take part. One that is absent, or the same at every pixel, is all
+/// zeros, its differences vanish, and the kernels skip it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct FeatureSet {
+    pub albedo: bool,
+    pub normal: bool,
+    pub visibility: bool,
+}
+
+impl FeatureSet {
+    pub const ALL: FeatureSet = FeatureSet { albedo: true, normal: true, visibility: true };
+}
+
+/// Radius of the largest window Ω_c that [`Windows`] can serve: 25 x 25 pixels.
+pub const MAX_RADIUS: usize = 12;
+
+/// The 13 feature planes of a picture with mirrored borders (the edge pixel repeated), from which
+/// every window Ω_c can be read without a bounds check, and the mask of missing pixels.
+#[derive(Clone, Debug)]
+pub struct Windows {
+    height: usize,
+    width: usize,
+    radius: usize,
+    stride: usize,
+    plane: usize,
+    set: FeatureSet,
+    /// 13 planes, then the mask's plane when there is one.
+    data: Vec<f32>,
+    masked: bool,
+}
+
+impl Windows {
+    /// Windows of `radius` over features `[13, H, W]`; `valid` is 1 where a pixel counts and 0
+    /// where it is missing, `[1, H, W]`.
+    ///
+    /// # Panics
+    /// When the features have other channels, or the radius exceeds [`MAX_RADIUS`].
+    pub fn new(features: &Image, valid: Option<&Image>, set: FeatureSet, radius: usize) -> Self {
+        assert_eq!(features.channels(), FEATURE_CHANNELS, "feature channels");
+        assert!(radius <= MAX_RADIUS, "window radius {radius} above {MAX_RADIUS}");
+        let (height, width) = (features.height(), features.width());
+        // A vector that starts at the last pixel and looks `radius` to the right stays inside.
+        let stride = width + 2 * radius + MAX_LANES;
+        let plane = (height + 2 * radius) * stride;
+        let planes = FEATURE_CHANNELS + usize::from(valid.is_some());
+        let mut data = vec![0.0; planes * plane];
+        for (c, padded) in data.chunks_exact_mut(plane).enumerate() {
+            let source = if c < FEATURE_CHANNELS { features.plane(c) } else { valid.map_or(&[][..], |v| v.plane(0)) };
+            pad_mirrored(source, height, width, radius, stride, padded);
+        }
+        Self { height, width, radius, stride, plane, set, data, masked: valid.is_some() }
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn radius(&self) -> usize {
+        self.radius
+    }
+
+    /// Floats from one row to the next.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Floats from one plane to the next.
+    pub fn plane(&self) -> usize {
+        self.plane
+    }
+
+    pub fn set(&self) -> FeatureSet {
+        self.set
+    }
+
+    /// Whether a fourteenth plane marks missing pixels.
+    pub fn masked(&self) -> bool {
+        self.masked
+    }
+
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// Where pixel (y, x) lies in a plane.
+    pub fn offset(&self, y: usize, x: usize) -> usize {
+        (y + self.radius) * self.stride + x + self.radius
+    }
+
+    /// Feature `c` at a pixel that may lie up to `radius` outside the picture.
+    pub fn at(&self, c: usize, y: isize, x: isize) -> f32 {
+        let r = self.radius as isize;
+        self.data[c * self.plane + (y + r) as usize * self.stride + (x + r) as usize]
+    }
+}
+
+/// Index of the pixel that stands at `i` when `0..n` is mirrored with its edge pixels repeated.
+pub fn mirrored(i: isize, n: usize) -> usize {
+    let n = n as isize;
+    let m = i.rem_euclid(2 * n);
+    (if m < n { m } else { 2 * n - 1 - m }) as usize
+}
+
+fn pad_mirrored(source: &[f32], height: usize, width: usize, radius: usize, stride: usize, out: &mut [f32]) {
+    let columns: Vec<usize> = (0..stride).map(|x| mirrored(x as isize - radius as isize, width)).collect();
+    for (y, row) in out.chunks_exact_mut(stride).enumerate() {
+        let from = &source[mirrored(y as isize - radius as isize, height) * width..][..width];
+        for (value, &x) in row.iter_mut().zip(&columns) {
+            *value = from[x];
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Planes with a border of zeros, so that a 3x3 convolution needs no special case at the edge.
+
+use crate::simd::MAX_LANES;
+
+/// Zeros to the left of every row; the vector loads at x - 1 land here.
+const LEFT: usize = 8;
+
+/// Sizes of a padded plane of `height` x `width` pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Geometry {
+    pub height: usize,
+    pub width: usize,
+    /// Floats from one row to the next.
+    pub stride: usize,
+}
+
+impl Geometry {
+    pub fn new(height: usize, width: usize) -> Self {
+        Self { height, width, stride: width.next_multiple_of(MAX_LANES) + 2 * LEFT }
+    }
+
+    /// Floats of one plane, with a row of zeros above and below.
+    pub fn plane(&self) -> usize {
+        (self.height + 2) * self.stride
+    }
+
+    /// Where pixel (y, 0) lies in its plane.
+    pub fn row(&self, y: usize) -> usize {
+        (y + 1) * self.stride + LEFT
+    }
+}
+
+/// `channels` padded planes. What lies outside the picture is zero at all times.
+#[derive(Clone, Debug)]
+pub(super) struct Planes {
+    pub geometry: Geometry,
+    pub channels: usize,
+    pub data: Vec<f32>,
+}
+
+impl Planes {
+    pub fn zeros(geometry: Geometry, channels: usize) -> Self {
+        Self { geometry, channels, data: vec![0.0; channels * geometry.plane()] }
+    }
+
+    /// Copies planar samples `[channels, height, width]` in.
+    pub fn from_planar(geometry: Geometry, channels: usize, samples: &[f32]) -> Self {
+        let mut planes = Self::zeros(geometry, channels);
+        planes.fill(samples);
+        planes
+    }
+
+    /// Copies planar samples into the first planes.
+    pub fn fill(&mut self, samples: &[f32]) {
+        let Geometry { height, width, .. } = self.geometry;
+        assert!(samples.len() <= self.channels * height * width, "planar samples");
+        for (row, source) in samples.chunks_exact(width).enumerate() {
+            let (c, y) = (row / height, row % height);
+            let start = c * self.geometry.plane() + self.geometry.row(y);
+            self.data[start..start + width].copy_from_slice(source);
+        }
+    }
+
+    /// Copies the first `out.len() / (height * width)` planes out.
+    pub fn copy_to(&self, out: &mut [f32]) {
+        let Geometry { height, width, .. } = self.geometry;
+        for (row, target) in out.chunks_exact_mut(width).enumerate() {
+            let (c, y) = (row / height, row % height);
+            let start = c * self.geometry.plane() + self.geometry.row(y);
+            target.copy_from_slice(&self.data[start..start + width]);
+        }
+    }
+}

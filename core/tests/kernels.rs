@@ -1,0 +1,209 @@
+//! The SIMD kernels against their naive f64 twins: every instruction set, odd sizes, all window
+//! positions, bandwidths at both ends of their range.
+
+use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
+use sspc_core::gc::{self, NoUpstream, ParameterPlanes, Region, Taps, Upstream};
+use sspc_core::image::Image;
+use sspc_core::network::{self, Network, Shape};
+use sspc_core::parameters::{self, Form, activation_f64};
+use sspc_core::rng::Rng;
+use sspc_core::simd::{Isa, Simd};
+
+/// f32 sums of 361 terms whose exponents carry the rounding of γ·d.
+const FORWARD_TOLERANCE: f64 = 1e-5;
+/// Relative to the largest gradient of the same parameter.
+const GRADIENT_TOLERANCE: f64 = 1e-4;
+/// Nine layers of up to 144 f32 products each.
+const NETWORK_TOLERANCE: f64 = 1e-5;
+
+/// Radiance over several decades, features in their natural ranges.
+fn features(rng: &mut Rng, height: usize, width: usize) -> Image {
+    Image::from_fn(FEATURE_CHANNELS, height, width, |c, _, _| match c {
+        0..3 | 10..13 => 10f32.powf(3.0 * rng.uniform() - 2.0),
+        7..10 => 2.0 * rng.uniform() - 1.0,
+        _ => rng.uniform(),
+    })
+}
+
+/// Outputs of a network, spread so that bandwidths cover their range.
+fn outputs(rng: &mut Rng, form: Form, pixels: usize, spread: f32) -> Vec<f32> {
+    (0..form.parameters() * pixels).map(|_| spread * rng.normal()).collect()
+}
+
+fn activated_f64(form: Form, raw: &[f32]) -> Vec<f64> {
+    let pixels = raw.len() / form.parameters();
+    raw.iter().enumerate().map(|(i, &o)| activation_f64(i / pixels, f64::from(o)).0).collect()
+}
+
+struct Fixed<'a> {
+    gradient: &'a [f32],
+    width: usize,
+    pixels: usize,
+}
+
+impl Upstream for Fixed<'_> {
+    const NEEDED: bool = true;
+    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
+        std::array::from_fn(|k| {
+            let mut row = [0.0; 16];
+            let at = k * self.pixels + y * self.width + x;
+            row[..lanes].copy_from_slice(&self.gradient[at..at + lanes]);
+            unsafe { S::load(row.as_ptr()) }
+        })
+    }
+}
+
+/// Largest difference, relative to the largest truth; truths below 0.1 count as differences of
+/// sums near 1, which cancel.
+fn worst(got: &[f32], truth: &[f64]) -> f64 {
+    let scale = truth.iter().fold(0.1f64, |m, t| m.max(t.abs()));
+    got.iter().zip(truth).map(|(&g, t)| (f64::from(g) - t).abs() / scale).fold(0.0, f64::max)
+}
+
+struct Case {
+    height: usize,
+    width: usize,
+    radius: usize,
+    region: Region,
+    form: Form,
+    spread: f32,
+    set: FeatureSet,
+    missing: bool,
+}
+
+fn check(case: &Case, seed: u64) {
+    let rng = &mut Rng::new(seed);
+    let mut image = features(rng, case.height, case.width);
+    for (c, used) in [(3..6, case.set.albedo), (7..10, case.set.normal), (6..7, case.set.visibility)] {
+        c.filter(|_| !used).for_each(|c| image.plane_mut(c).fill(0.0));
+    }
+    let valid = Image::from_fn(1, case.height, case.width, |_, _, _| f32::from(rng.uniform() > 0.2));
+    let windows = Windows::new(&image, case.missing.then_some(&valid), case.set, case.radius);
+    let taps = Taps::square(case.radius);
+    let raw = outputs(rng, case.form, case.region.pixels(), case.spread);
+    let upstream: Vec<f32> = (0..3 * case.region.pixels()).map(|_| rng.normal()).collect();
+    let exact = activated_f64(case.form, &raw);
+    let (mut truth, mut truth_gradient) = (vec![0.0; 3 * case.region.pixels()], vec![0.0; raw.len()]);
+    let pixels = case.region.pixels();
+    for i in 0..pixels {
+        let (y, x) = (i / case.region.width, i % case.region.width);
+        let p: Vec<f64> = (0..case.form.parameters()).map(|c| exact[c * pixels + i]).collect();
+        let g = std::array::from_fn(|k| f64::from(upstream[k * pixels + i]));
+        let result = gc::oracle::pixel(&windows, &taps, case.form, &p, case.region.top + y, case.region.left + x, g);
+        (0..3).for_each(|k| truth[k * pixels + i] = result.corrected[k]);
+        for c in 0..case.form.parameters() {
+            truth_gradient[c * pixels + i] = result.gradient[c];
+        }
+    }
+    for isa in Isa::available() {
+        let mut p = raw.clone();
+        parameters::activate(isa, case.form, &mut p);
+        assert!(worst(&p, &exact) < FORWARD_TOLERANCE, "{}: activation", isa.name());
+        let view = ParameterPlanes::of_region(case.form, &p, &case.region);
+        let mut out = vec![0.0; 3 * pixels];
+        gc::forward(isa, &windows, &taps, case.region, view, &mut out);
+        for (i, (&got, t)) in out.iter().zip(&truth).enumerate() {
+            let error = (f64::from(got) - t).abs() / t.abs().max(0.1);
+            assert!(error < FORWARD_TOLERANCE, "{}: μ̂ at {i}: {got} is not {t}", isa.name());
+        }
+        let mut gradient = vec![0.0; p.len()];
+        let mut fixed = Fixed { gradient: &upstream, width: case.region.width, pixels };
+        gc::backward(isa, &windows, &taps, case.region, view, &mut fixed, &mut out, &mut gradient);
+        for c in 0..case.form.parameters() {
+            let part = c * pixels..(c + 1) * pixels;
+            let error = worst(&gradient[part.clone()], &truth_gradient[part]);
+            assert!(error < GRADIENT_TOLERANCE, "{}: gradient of parameter {c}: {error:e}", isa.name());
+        }
+    }
+}
+
+#[test]
+fn g_c_and_its_gradient_match_the_oracle() {
+    let all = FeatureSet::ALL;
+    let whole = |height, width| Region { top: 0, left: 0, height, width };
+    let cases = [
+        (1, 1, 9, whole(1, 1), 1.0, all, false),
+        (1, 37, 9, whole(1, 37), 1.0, all, false),
+        (41, 1, 9, whole(41, 1), 1.0, all, false),
+        (13, 17, 9, whole(13, 17), 2.0, all, false),
+        (5, 50, 3, Region { top: 1, left: 7, height: 3, width: 35 }, 1.0, all, true),
+        (23, 19, 12, Region { top: 11, left: 2, height: 12, width: 17 }, 8.0, all, false),
+        (11, 33, 5, whole(11, 33), 20.0, FeatureSet { visibility: false, ..all }, true),
+        (9, 16, 2, whole(9, 16), 0.5, FeatureSet { albedo: false, normal: false, visibility: false }, false),
+    ];
+    for (i, (height, width, radius, region, spread, set, missing)) in cases.into_iter().enumerate() {
+        for form in [Form::Paper, Form::Gated] {
+            check(&Case { height, width, radius, region, form, spread, set, missing }, i as u64 + 1);
+        }
+    }
+}
+
+#[test]
+fn a_region_is_the_same_part_of_the_whole() {
+    let rng = &mut Rng::new(5);
+    let image = features(rng, 29, 47);
+    let windows = Windows::new(&image, None, FeatureSet::ALL, 9);
+    let taps = Taps::square(9);
+    let whole = Region::whole(&windows);
+    let mut p = outputs(rng, Form::Paper, whole.pixels(), 1.0);
+    let isa = Isa::best();
+    parameters::activate(isa, Form::Paper, &mut p);
+    let mut out = vec![0.0; 3 * whole.pixels()];
+    gc::forward(isa, &windows, &taps, whole, ParameterPlanes::of_region(Form::Paper, &p, &whole), &mut out);
+    let whole_image = Image::from_planes(3, 29, 47, out);
+    for region in [
+        Region { top: 3, left: 0, height: 5, width: 47 },
+        Region { top: 0, left: 31, height: 29, width: 16 },
+        Region { top: 28, left: 46, height: 1, width: 1 },
+    ] {
+        let mut part = vec![0.0; 3 * region.pixels()];
+        let view = ParameterPlanes::of_picture(Form::Paper, &p, &windows, &region);
+        gc::backward(isa, &windows, &taps, region, view, &mut NoUpstream, &mut part, &mut vec![0.0; 15 * region.pixels()]);
+        let expected = whole_image.crop(region.top, region.left, region.height, region.width);
+        assert_eq!(part, expected.data(), "{region:?} differs from the same part of the whole");
+    }
+}
+
+#[test]
+fn the_network_and_its_gradient_match_the_oracle() {
+    for (height, width, batch) in [(1, 1, 1), (7, 33, 2), (16, 5, 3), (9, 64, 1)] {
+        let rng = &mut Rng::new(height as u64);
+        let shape = Shape { layers: 4, ..Shape::paper(Form::Gated) };
+        let weights: Vec<f32> = (0..shape.parameter_count()).map(|_| 0.15 * rng.normal()).collect();
+        let exact: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
+        let pixels = height * width;
+        let input: Vec<f32> = (0..batch * FEATURE_CHANNELS * pixels).map(|_| rng.uniform()).collect();
+        let upstream: Vec<f32> = (0..batch * shape.outputs * pixels).map(|_| rng.normal()).collect();
+        let mut truth = Vec::new();
+        let mut truth_gradient = vec![0.0; shape.parameter_count()];
+        for b in 0..batch {
+            let tile: Vec<f64> =
+                input[b * FEATURE_CHANNELS * pixels..][..FEATURE_CHANNELS * pixels].iter().map(|&v| f64::from(v)).collect();
+            let up: Vec<f64> =
+                upstream[b * shape.outputs * pixels..][..shape.outputs * pixels].iter().map(|&v| f64::from(v)).collect();
+            truth.extend(network::oracle::forward(&shape, &exact, &tile, height, width).pop().unwrap_or_default());
+            let g = network::oracle::backward(&shape, &exact, &tile, height, width, &up);
+            truth_gradient.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
+        }
+        for isa in Isa::available() {
+            let (out, saved) = network::forward(isa, &shape, &weights, &input, height, width);
+            assert!(worst(&out, &truth) < NETWORK_TOLERANCE, "{} {height}x{width}: forward", isa.name());
+            let gradient = network::backward(isa, &shape, &weights, &saved, &upstream);
+            let error = worst(&gradient, &truth_gradient);
+            assert!(error < NETWORK_TOLERANCE, "{} {height}x{width}: gradient {error:e}", isa.name());
+        }
+    }
+}
+
+#[test]
+fn windows_of_the_network_do_not_show() {
+    let rng = &mut Rng::new(3);
+    let shape = Shape::paper(Form::Gated);
+    let weights = (0..shape.parameter_count()).map(|_| 0.1 * rng.normal()).collect();
+    let network = Network { shape, weights };
+    let image = features(rng, 131, 117);
+    let isa = Isa::best();
+    let tiled = network::run(isa, &network, &image);
+    let (whole, _) = network::forward(isa, &shape, &network.weights, image.data(), 131, 117);
+    assert_eq!(tiled.data(), whole, "windows of the network differ from the whole picture");
+}
