@@ -10,6 +10,9 @@ pub struct Pixel {
     pub g: [f64; 3],
     /// μ̂: g_c, or z + s (g_c - z).
     pub corrected: [f64; 3],
+    /// What μ̂ is the sum of, without signs: rounding is relative to this, and its ratio to |μ̂| is the
+    /// condition number of the sum.
+    pub magnitude: [f64; 3],
     /// Gradient of the parameters given that of μ̂.
     pub gradient: Vec<f64>,
 }
@@ -50,12 +53,19 @@ pub fn pixel(windows: &Windows, taps: &Taps, form: Form, parameters: &[f64], y: 
     let inverse = 1.0 / weight.max(floor);
     let g: [f64; 3] = std::array::from_fn(|k| terms.iter().map(|t| t.0 * t.1[k]).sum::<f64>() * inverse);
 
+    let sizes = |u: [f64; 3], d: &[[f64; 3]; 3], k: usize| {
+        u[k].abs() + (0..3).map(|f| (parameters[SLOPES + 3 * f + k] * d[f][k]).abs()).sum::<f64>()
+    };
+    let mut magnitude: [f64; 3] =
+        std::array::from_fn(|k| terms.iter().map(|t| t.0 * sizes(t.1, &t.3, k)).sum::<f64>() * inverse);
+
     let mut gradient = vec![0.0; form.parameters()];
     let z = triple(DENOISED, here);
     let (corrected, by_g) = match form {
         Form::Paper => (g, upstream),
         Form::Gated => {
             let s = parameters[GATE];
+            (0..3).for_each(|k| magnitude[k] += z[k].abs());
             gradient[GATE] = dot(upstream, minus(g, z));
             (std::array::from_fn(|k| z[k] + s * (g[k] - z[k])), upstream.map(|v| v * s))
         }
@@ -75,5 +85,5 @@ pub fn pixel(windows: &Windows, taps: &Taps, form: Form, parameters: &[f64], y: 
             }
         }
     }
-    Pixel { g, corrected, gradient }
+    Pixel { g, corrected, magnitude, gradient }
 }

@@ -163,16 +163,24 @@ unsafe fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
                     }
                 }
             }
+            // Indexed by a loop that is not unrolled, the sums would have to live in memory all along.
+            let mut done = [0.0f32; 2 * 8 * MAX_LANES];
+            for (o, sum) in sums.iter().enumerate() {
+                for (k, v) in sum.iter().enumerate() {
+                    S::store(done.as_mut_ptr().add((k * OUTPUTS + o) * S::LANES), *v);
+                }
+            }
             for k in 0..VECTORS {
                 let begin = x + k * S::LANES;
                 let left = g.width.saturating_sub(begin).min(MAX_LANES);
                 let inside = S::load(LANE_MASK.as_ptr().add(MAX_LANES - left));
-                for (o, sum) in sums.iter().enumerate() {
+                for o in 0..OUTPUTS {
                     let offset = (first + o) * plane + at + k * S::LANES;
+                    let sum = S::load(done.as_ptr().add((k * OUTPUTS + o) * S::LANES));
                     let value = match finish {
-                        Finish::Linear => sum[k],
-                        Finish::Relu => S::max(sum[k], S::zero()),
-                        Finish::MaskedBy(mask) => S::where_positive(S::load(mask.data.as_ptr().add(offset)), sum[k]),
+                        Finish::Linear => sum,
+                        Finish::Relu => S::max(sum, S::zero()),
+                        Finish::MaskedBy(mask) => S::where_positive(S::load(mask.data.as_ptr().add(offset)), sum),
                     };
                     S::store(output.add(offset), if left < S::LANES { S::mul(value, inside) } else { value });
                 }
@@ -237,10 +245,16 @@ unsafe fn gradient_blocks<S: Simd, const OUTPUTS: usize>(work: WeightGradient) {
                             }
                         }
                     }
-                    for (o, sum) in sums.iter().enumerate().take(work.outputs - first) {
+                    let mut done = [0.0; 8 * KERNEL];
+                    for (o, sum) in sums.iter().enumerate() {
+                        for (c, v) in sum.iter().enumerate() {
+                            done[o * KERNEL + c] = S::sum(*v);
+                        }
+                    }
+                    for o in 0..OUTPUTS.min(work.outputs - first) {
                         for c in 0..KERNEL {
                             let slot = ((first + o) * work.inputs + i) * TAPS + row * KERNEL + c;
-                            work.gradient[slot] += S::sum(sum[c]);
+                            work.gradient[slot] += done[o * KERNEL + c];
                         }
                     }
                 }
