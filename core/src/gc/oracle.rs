@@ -13,6 +13,8 @@ pub struct Pixel {
     /// What μ̂ is the sum of, without signs: rounding is relative to this, and its ratio to |μ̂| is the
     /// condition number of the sum.
     pub magnitude: [f64; 3],
+    /// 1 / max(Σw, floor): what a rounding of g is multiplied by in the gradients of the weights.
+    pub inverse: f64,
     /// Gradient of the parameters given that of μ̂.
     pub gradient: Vec<f64>,
 }
@@ -85,5 +87,5 @@ pub fn pixel(windows: &Windows, taps: &Taps, form: Form, parameters: &[f64], y: 
             }
         }
     }
-    Pixel { g, corrected, magnitude, gradient }
+    Pixel { g, corrected, magnitude, inverse, gradient }
 }
