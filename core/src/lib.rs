@@ -5,6 +5,8 @@ pub mod frame;
 pub mod gc;
 pub mod image;
 pub mod network;
+pub mod objective;
 pub mod parameters;
+pub mod prepare;
 pub mod rng;
 pub mod simd;

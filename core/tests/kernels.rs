@@ -15,7 +15,7 @@ const FORWARD_TOLERANCE: f64 = 1e-5;
 const GRADIENT_TOLERANCE: f64 = 1e-4;
 /// Where weights nearly vanish, 1/Σw multiplies the rounding of u_i - g: gradients below this share
 /// of |G| Σ|w u| / Σw² are differences of much larger terms, and the tolerance is taken of the share.
-const GRADIENT_CONDITION: f64 = 1e-2;
+const GRADIENT_CONDITION: f64 = 3e-2;
 /// Nine layers of up to 144 f32 products each.
 const NETWORK_TOLERANCE: f64 = 1e-5;
 

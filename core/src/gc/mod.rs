@@ -8,6 +8,7 @@ mod kernel;
 pub mod oracle;
 mod taps;
 
+pub(crate) use kernel::load_lanes;
 pub use kernel::{NoUpstream, Upstream};
 pub use taps::Taps;
 

@@ -1,0 +1,208 @@
+//! The self-supervised loss (Eqs. 8, 9) of tiles of a frame, and its gradient by the network's
+//! outputs in one pass.
+//!
+//! Half a is corrected and compared with the y of half b, and the other way round; the denominator
+//! is made of the z of the half compared with, so it is independent of what is judged.
+
+use crate::features::{DENOISED, FEATURE_CHANNELS, FeatureSet, RADIANCE, Windows};
+use crate::gc::{self, ParameterPlanes, Region, Taps, Upstream};
+use crate::image::Image;
+use crate::parameters::{Form, activate, activate_backward};
+use crate::prepare::Prepared;
+use crate::simd::{Isa, MAX_LANES, Simd};
+use rayon::prelude::*;
+
+/// Added to the squared mean radiance in every relative error.
+pub const RELATIVE_FLOOR: f32 = 0.01;
+
+/// One half, and what its correction is judged by.
+#[derive(Clone, Debug)]
+pub struct HalfObjective {
+    /// Features of this half `[13, H, W]`, as the network reads them.
+    pub features: Image,
+    /// The same, padded for g_c.
+    pub windows: Windows,
+    /// y of the other half, `[3, H, W]`.
+    pub target: Image,
+    /// Weight of a pixel's squared error: 1 / (z̄² + 0.01) of the other half, 0 where missing.
+    pub weight: Image,
+}
+
+/// Both halves of a frame, ready to be trained on.
+#[derive(Clone, Debug)]
+pub struct Objective {
+    pub form: Form,
+    pub taps: Taps,
+    pub halves: [HalfObjective; 2],
+}
+
+/// A tile to correct: which half, and where.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tile {
+    pub half: usize,
+    pub region: Region,
+}
+
+/// 1 / (z̄² + 0.01) of features `[13, H, W]`, 0 where a pixel is missing.
+pub fn relative_weight(features: &Image, valid: Option<&Image>) -> Image {
+    Image::from_fn(1, features.height(), features.width(), |_, y, x| {
+        if valid.is_some_and(|v| v.at(0, y, x) == 0.0) {
+            return 0.0;
+        }
+        let mean = (0..3).map(|k| features.at(DENOISED + k, y, x)).sum::<f32>() / 3.0;
+        1.0 / (mean * mean + RELATIVE_FLOOR)
+    })
+}
+
+/// The three planes from `first` on.
+pub fn triple(features: &Image, first: usize) -> Image {
+    let data = (first..first + 3).flat_map(|c| features.plane(c).iter().copied()).collect();
+    Image::from_planes(3, features.height(), features.width(), data)
+}
+
+impl Objective {
+    /// The objective of a frame with windows of `radius`.
+    pub fn new(prepared: &Prepared, form: Form, taps: Taps, set: FeatureSet) -> Self {
+        let half = |h: usize| {
+            let features = prepared.halves[h].clone();
+            let other = &prepared.halves[1 - h];
+            HalfObjective {
+                windows: Windows::new(&features, prepared.valid.as_ref(), set, taps.radius()),
+                target: triple(other, RADIANCE),
+                weight: relative_weight(other, prepared.valid.as_ref()),
+                features,
+            }
+        };
+        Self { form, halves: [half(0), half(1)], taps }
+    }
+
+    /// Features of equally large tiles, `[tiles, 13, h, w]`.
+    pub fn tile_features(&self, tiles: &[Tile]) -> Vec<f32> {
+        let mut out = Vec::with_capacity(tiles.iter().map(|t| FEATURE_CHANNELS * t.region.pixels()).sum());
+        for Tile { half, region } in tiles {
+            let crop = self.halves[*half].features.crop(region.top, region.left, region.height, region.width);
+            out.extend_from_slice(crop.data());
+        }
+        out
+    }
+
+    /// Corrected radiance of equally large tiles, `[tiles, 3, h, w]`, of the network's `outputs`
+    /// `[tiles, P, h, w]`.
+    pub fn correct(&self, isa: Isa, tiles: &[Tile], outputs: &[f32]) -> Vec<f32> {
+        let pixels = tiles.first().map_or(0, |t| t.region.pixels());
+        let mut out = vec![0.0; tiles.len() * 3 * pixels];
+        if pixels > 0 {
+            out.par_chunks_mut(3 * pixels)
+                .zip(outputs.par_chunks(self.form.parameters() * pixels))
+                .zip(tiles)
+                .for_each(|((out, outputs), tile)| {
+                    let parameters = self.activated(isa, outputs);
+                    let view = ParameterPlanes::of_region(self.form, &parameters, &tile.region);
+                    gc::forward(isa, &self.halves[tile.half].windows, &self.taps, tile.region, view, out);
+                });
+        }
+        out
+    }
+
+    /// Gradient of `outputs`, given the gradient of [`Self::correct`]'s result.
+    pub fn correct_backward(&self, isa: Isa, tiles: &[Tile], outputs: &[f32], upstream: &[f32]) -> Vec<f32> {
+        let pixels = tiles.first().map_or(1, |t| t.region.pixels());
+        let mut gradient = vec![0.0; outputs.len()];
+        gradient
+            .par_chunks_mut(self.form.parameters() * pixels)
+            .zip(outputs.par_chunks(self.form.parameters() * pixels))
+            .zip(upstream.par_chunks(3 * pixels))
+            .zip(tiles)
+            .for_each(|(((gradient, outputs), upstream), tile)| {
+                self.tile_backward(isa, tile, outputs, &mut Given { upstream, region: tile.region }, gradient);
+            });
+        gradient
+    }
+
+    /// The loss of tiles, Σ over pixels and channels of weighted squared errors times `scale`, and
+    /// its gradient by `outputs`. With an `influence` limit m, a pixel whose weighted error norm is
+    /// e counts with e² / √(1 + e²/m²) times its gradient: outliers of y lose their say over the
+    /// parameters, while no radiance is changed.
+    pub fn loss(&self, isa: Isa, tiles: &[Tile], outputs: &[f32], scale: f32, influence: f32) -> (f64, Vec<f32>) {
+        let pixels = tiles.first().map_or(1, |t| t.region.pixels());
+        let mut gradient = vec![0.0; outputs.len()];
+        let losses: Vec<f64> = gradient
+            .par_chunks_mut(self.form.parameters() * pixels)
+            .zip(outputs.par_chunks(self.form.parameters() * pixels))
+            .zip(tiles)
+            .map(|((gradient, outputs), tile)| {
+                let half = &self.halves[tile.half];
+                let mut judge = SelfSupervised { half, region: tile.region, scale, influence, sum: 0.0 };
+                self.tile_backward(isa, tile, outputs, &mut judge, gradient);
+                judge.sum * f64::from(scale)
+            })
+            .collect();
+        (losses.iter().sum(), gradient)
+    }
+
+    fn activated(&self, isa: Isa, outputs: &[f32]) -> Vec<f32> {
+        let mut parameters = outputs.to_vec();
+        activate(isa, self.form, &mut parameters);
+        parameters
+    }
+
+    fn tile_backward<U: Upstream>(&self, isa: Isa, tile: &Tile, outputs: &[f32], upstream: &mut U, gradient: &mut [f32]) {
+        let parameters = self.activated(isa, outputs);
+        let view = ParameterPlanes::of_region(self.form, &parameters, &tile.region);
+        let mut corrected = vec![0.0; 3 * tile.region.pixels()];
+        let windows = &self.halves[tile.half].windows;
+        gc::backward(isa, windows, &self.taps, tile.region, view, upstream, &mut corrected, gradient);
+        activate_backward(isa, self.form, outputs, gradient);
+    }
+}
+
+/// An upstream gradient that is known beforehand, `[3, h, w]`.
+struct Given<'a> {
+    upstream: &'a [f32],
+    region: Region,
+}
+
+impl Upstream for Given<'_> {
+    const NEEDED: bool = true;
+
+    #[inline(always)]
+    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
+        let at = y * self.region.width + x;
+        // SAFETY: `at .. at + lanes` lies in every plane of the region.
+        std::array::from_fn(|k| unsafe { gc::load_lanes::<S>(self.upstream, k * self.region.pixels() + at, lanes) })
+    }
+}
+
+/// The loss of one tile against the other half.
+struct SelfSupervised<'a> {
+    half: &'a HalfObjective,
+    region: Region,
+    scale: f32,
+    influence: f32,
+    sum: f64,
+}
+
+impl Upstream for SelfSupervised<'_> {
+    const NEEDED: bool = true;
+
+    #[inline(always)]
+    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, corrected: [S::F; 3]) -> [S::F; 3] {
+        let at = (self.region.top + y) * self.half.target.width() + self.region.left + x;
+        // SAFETY: `at .. at + lanes` lies in every plane of the picture; `squares` has MAX_LANES.
+        unsafe {
+            let weight = gc::load_lanes::<S>(self.half.weight.plane(0), at, lanes);
+            let error: [S::F; 3] = std::array::from_fn(|k| {
+                S::sub(corrected[k], gc::load_lanes::<S>(self.half.target.plane(k), at, lanes))
+            });
+            let squared = S::fma(error[2], error[2], S::fma(error[1], error[1], S::mul(error[0], error[0])));
+            let relative = S::mul(weight, squared);
+            let mut squares = [0.0; MAX_LANES];
+            S::store(squares.as_mut_ptr(), relative);
+            self.sum += squares[..lanes].iter().map(|&v| f64::from(v)).sum::<f64>();
+            let one = S::splat(1.0);
+            let excess = S::mul(relative, S::splat(1.0 / (self.influence * self.influence)));
+            let factor = S::div(S::mul(weight, S::splat(2.0 * self.scale)), S::sqrt(S::add(one, excess)));
+            error.map(|e| S::mul(e, factor))
+        }
+    }
+}

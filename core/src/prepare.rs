@@ -1,0 +1,189 @@
+//! From a frame as read to what the method computes on: one exposure for both halves, clamped
+//! colours, missing pixels marked, feature tensors in channel order.
+
+use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
+use crate::frame::{Frame, HalfBuffer};
+use crate::image::Image;
+
+/// A frame in the method's units.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    /// Radiance in the file's units times this is radiance in the method's units.
+    pub exposure: f32,
+    /// Features of half a and of half b, `[13, H, W]`; zero at missing pixels.
+    pub halves: [Image; 2],
+    /// z of the full buffer, `[3, H, W]`, clamped at 0, zero at missing pixels.
+    pub denoised: Image,
+    /// 1 where a pixel counts, 0 where it is missing, `[1, H, W]`; None when none is missing.
+    pub valid: Option<Image>,
+    /// Features that are there and not constant.
+    pub set: FeatureSet,
+    /// What was found on the way.
+    pub found: Findings,
+}
+
+/// Counts of unusual pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Findings {
+    /// Pixels with NaN or Inf in any role.
+    pub missing_pixels: usize,
+    /// Negative colour values, clamped at 0.
+    pub negative_values: usize,
+}
+
+/// Whether radiance is brought to the method's scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exposure {
+    /// As in the paper: values as they are.
+    AsIs,
+    /// One factor for both halves, from finite pixels of the denoised images only.
+    Normalised,
+}
+
+/// Mean of the darker 95 % of z̄ that normalised exposure aims at: the constants of the method
+/// (0.01, log(1 + d)) are made for renders of about this brightness.
+const TARGET_MEAN: f64 = 0.25;
+/// Share of the pixels that count for exposure: emitters seen directly do not.
+const EXPOSED_SHARE: f64 = 0.95;
+
+impl Prepared {
+    /// Brings a frame into the method's units.
+    pub fn new(frame: &Frame, exposure: Exposure) -> Self {
+        let valid = validity(frame);
+        let missing_pixels = valid.plane(0).iter().filter(|v| **v == 0.0).count();
+        let factor = match exposure {
+            Exposure::AsIs => 1.0,
+            Exposure::Normalised => normalised_exposure(frame, &valid),
+        };
+        let set = FeatureSet {
+            albedo: varies(frame, &valid, |h| h.albedo.as_ref()),
+            normal: varies(frame, &valid, |h| h.normal.as_ref()),
+            visibility: varies(frame, &valid, |h| h.visibility.as_ref()),
+        };
+        let mut found = Findings { missing_pixels, negative_values: 0 };
+        let mut half = |h: &HalfBuffer| half_features(h, set, factor, &valid, &mut found.negative_values);
+        let halves = [half(&frame.a), half(&frame.b)];
+        let mean;
+        let full = match &frame.denoised {
+            Some(full) => full,
+            None => {
+                mean = Image::mean_of(&frame.a.denoised, &frame.b.denoised);
+                &mean
+            }
+        };
+        let mut denoised = Image::zeros(3, frame.height(), frame.width());
+        for c in 0..3 {
+            found.negative_values += fill_colour(full.plane(c), valid.plane(0), factor, denoised.plane_mut(c));
+        }
+        let valid = (missing_pixels > 0).then_some(valid);
+        Self { exposure: factor, halves, denoised, valid, set, found }
+    }
+
+    pub fn height(&self) -> usize {
+        self.denoised.height()
+    }
+
+    pub fn width(&self) -> usize {
+        self.denoised.width()
+    }
+
+    /// Features of half `h` with z and the other features of the full buffer: what g_c is
+    /// evaluated on when the picture is made.
+    pub fn with_full_buffer(&self, h: usize) -> Image {
+        let mut features = self.halves[h].clone();
+        for c in ALBEDO..DENOISED {
+            let other = self.halves[1 - h].plane(c);
+            for (v, o) in features.plane_mut(c).iter_mut().zip(other) {
+                *v = 0.5 * (*v + o);
+            }
+        }
+        for k in 0..3 {
+            features.plane_mut(DENOISED + k).copy_from_slice(self.denoised.plane(k));
+        }
+        features
+    }
+
+    /// Whether pixel `i` (y * width + x) counts.
+    pub fn is_valid(&self, i: usize) -> bool {
+        self.valid.as_ref().is_none_or(|v| v.plane(0)[i] != 0.0)
+    }
+}
+
+fn images(h: &HalfBuffer) -> impl Iterator<Item = &Image> {
+    [Some(&h.radiance), Some(&h.denoised), h.albedo.as_ref(), h.normal.as_ref(), h.visibility.as_ref()]
+        .into_iter()
+        .flatten()
+}
+
+fn validity(frame: &Frame) -> Image {
+    let mut valid = Image::filled(1, frame.height(), frame.width(), 1.0);
+    for image in images(&frame.a).chain(images(&frame.b)).chain(&frame.denoised) {
+        for c in 0..image.channels() {
+            for (v, x) in valid.plane_mut(0).iter_mut().zip(image.plane(c)) {
+                if !x.is_finite() {
+                    *v = 0.0;
+                }
+            }
+        }
+    }
+    valid
+}
+
+fn normalised_exposure(frame: &Frame, valid: &Image) -> f32 {
+    let (a, b) = (&frame.a.denoised, &frame.b.denoised);
+    let mut means: Vec<f64> = (0..a.pixels())
+        .filter(|&i| valid.plane(0)[i] != 0.0)
+        .map(|i| (0..3).map(|c| f64::from(a.plane(c)[i].max(0.0)) + f64::from(b.plane(c)[i].max(0.0))).sum::<f64>() / 6.0)
+        .filter(|&m| m > 0.0)
+        .collect();
+    means.sort_by(f64::total_cmp);
+    means.truncate(((means.len() as f64 * EXPOSED_SHARE).ceil() as usize).max(1).min(means.len()));
+    let mean = means.iter().sum::<f64>() / means.len().max(1) as f64;
+    let factor = (TARGET_MEAN / mean) as f32;
+    if factor.is_normal() { factor } else { 1.0 }
+}
+
+fn varies<'a>(frame: &'a Frame, valid: &Image, feature: impl Fn(&'a HalfBuffer) -> Option<&'a Image>) -> bool {
+    let (Some(a), Some(b)) = (feature(&frame.a), feature(&frame.b)) else { return false };
+    (0..a.channels()).any(|c| {
+        let mut values = (0..a.pixels()).filter(|&i| valid.plane(0)[i] != 0.0).flat_map(|i| [a.plane(c)[i], b.plane(c)[i]]);
+        values.next().is_some_and(|first| values.any(|v| v != first))
+    })
+}
+
+fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Image, negative: &mut usize) -> Image {
+    let mut features = Image::zeros(FEATURE_CHANNELS, valid.height(), valid.width());
+    for k in 0..3 {
+        *negative += fill_colour(half.radiance.plane(k), valid.plane(0), exposure, features.plane_mut(RADIANCE + k));
+        *negative += fill_colour(half.denoised.plane(k), valid.plane(0), exposure, features.plane_mut(DENOISED + k));
+    }
+    let optional = [
+        (ALBEDO, set.albedo, &half.albedo),
+        (VISIBILITY, set.visibility, &half.visibility),
+        (NORMAL, set.normal, &half.normal),
+    ];
+    for (first, used, image) in optional {
+        if let (true, Some(image)) = (used, image) {
+            for c in 0..image.channels() {
+                let target = features.plane_mut(first + c).iter_mut();
+                for ((t, v), ok) in target.zip(image.plane(c)).zip(valid.plane(0)) {
+                    *t = if *ok != 0.0 { *v } else { 0.0 };
+                }
+            }
+        }
+    }
+    features
+}
+
+/// Scales and clamps one colour plane; returns how many values were negative.
+fn fill_colour(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) -> usize {
+    let mut negative = 0;
+    for ((out, v), ok) in out.iter_mut().zip(source).zip(valid) {
+        if *ok != 0.0 {
+            negative += usize::from(*v < 0.0);
+            // Radiance near the end of f32 must not overflow when squared and summed.
+            *out = (v * exposure).clamp(0.0, 1e15);
+        }
+    }
+    negative
+}
