@@ -1,9 +1,12 @@
 //! The method of self-supervised post-correction, apart from any learning framework.
 
+pub mod error;
 pub mod features;
 pub mod frame;
 pub mod gc;
 pub mod image;
+pub mod io;
+pub mod metric;
 pub mod network;
 pub mod objective;
 pub mod parameters;

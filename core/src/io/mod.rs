@@ -1,0 +1,34 @@
+//! Files in, frames out; pictures in, files out.
+//!
+//! | module | step |
+//! |---|---|
+//! | [`files`] | which files make a frame: two halves, one file with both, the paper's folders |
+//! | [`overrides`] | the user's word on which channel is what |
+//! | [`exr_file`] | headers and planes of one OpenEXR file, with limits on what a header may claim |
+//! | [`names`] | the names that renderers give to the roles |
+//! | [`layers`] | a file's channels as layers, and the search for a role among them |
+//! | [`resolve`] | roles to channels of files |
+//! | [`read`] | the frame and the reference |
+//! | [`checks`] | identical and correlated halves, lossy input, absent features |
+//! | [`atomic`] | outputs that appear whole or not at all |
+//! | [`write`](mod@write) | the corrected picture inside a copy of the input |
+//! | [`preview`] | tone curve, error colours, PNG |
+//! | `sequence` | frame numbers in file names |
+
+pub mod atomic;
+pub mod checks;
+pub mod exr_file;
+pub mod files;
+pub mod layers;
+pub mod names;
+pub mod overrides;
+pub mod preview;
+pub mod read;
+pub mod resolve;
+pub mod write;
+
+pub use atomic::atomic_write;
+pub use files::FrameFiles;
+pub use overrides::RoleOverrides;
+pub use read::{read_frame, read_picture, read_reference};
+pub use write::write_corrected;
