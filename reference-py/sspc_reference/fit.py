@@ -14,7 +14,7 @@ from . import activations, gc, network as networks
 from .features import part
 from .loss import loss
 
-# What a tile's corrected pixels depend on: 9 pixels of the network, then the window's radius.
+# How far the network sees, in pixels: one per 3x3 layer.
 NETWORK_RADIUS = networks.HIDDEN_LAYERS + 1
 
 
@@ -53,8 +53,11 @@ class Schedule:
 
 
 def full_halo(radius=gc.RADIUS):
-    """The halo with which a tile's pixels come out as in the whole image."""
-    return NETWORK_RADIUS + radius
+    """The halo with which a tile's pixels come out as in the whole image.
+
+    g_c of a pixel takes the parameters of that pixel alone, so the two footprints do not add up.
+    """
+    return max(NETWORK_RADIUS, radius)
 
 
 def tile_loss(network, frame, tile, halo, radius=gc.RADIUS):
