@@ -226,6 +226,9 @@ fn damaged(path: &Path, purpose: Purpose, error: &ExrError) -> Error {
         ExrError::NotSupported(what) => {
             Error::Unsupported { path, purpose, expected: "a known OpenEXR feature".into(), found: shown(what) }
         }
+        ExrError::Invalid(what) if what.contains("integer maximum") => {
+            Error::TooLarge { path, purpose, expected: format!("at most {MAX_SIDE} pixels a side"), found: shown(what) }
+        }
         ExrError::Invalid(what) if what.contains("missing bytes") => {
             Error::Damaged { path, purpose, expected, found: "its end before all pixels".into() }
         }

@@ -1,0 +1,81 @@
+//! Small OpenEXR files, written part by part.
+#![allow(dead_code)]
+
+use exr::compression::Compression;
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Layers};
+use exr::meta::attribute::Text;
+use exr::meta::header::LayerAttributes;
+use exr::prelude::{WritableImage, f16};
+use std::path::{Path, PathBuf};
+
+pub const W: usize = 7;
+pub const H: usize = 5;
+
+/// A part: its name and its channels, each filled by `value(channel, pixel)`.
+pub struct Part<'a> {
+    pub name: &'a str,
+    pub channels: &'a [&'a str],
+    pub size: (usize, usize),
+    pub position: (i32, i32),
+    pub half: bool,
+    pub compression: Compression,
+}
+
+impl Default for Part<'_> {
+    fn default() -> Self {
+        Self { name: "", channels: &[], size: (W, H), position: (0, 0), half: false, compression: Compression::ZIP16 }
+    }
+}
+
+/// Different in every file (`seed`), channel and pixel, in 0..1, without any structure.
+pub fn value(seed: u64, channel: &str, pixel: usize) -> f32 {
+    let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (pixel as u64).wrapping_mul(0xD1B5_4A32_D192_ED03);
+    for byte in channel.bytes() {
+        x = (x ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
+    }
+    x ^= x >> 31;
+    x = x.wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^= x >> 29;
+    (x >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// Writes a file of these parts; one part makes a single-part file.
+pub fn write_parts(path: &Path, seed: u64, parts: &[Part]) -> PathBuf {
+    let layers: Layers<AnyChannels<FlatSamples>> = parts.iter().map(|part| layer(seed, part)).collect();
+    let attributes = exr::meta::header::ImageAttributes::with_size(parts[0].size);
+    Image::from_layers(attributes, layers).write().to_file(path).expect("test file");
+    path.to_path_buf()
+}
+
+/// One part, f32, W x H.
+pub fn write_file(path: &Path, seed: u64, channels: &[&str]) -> PathBuf {
+    write_parts(path, seed, &[Part { channels, ..Part::default() }])
+}
+
+fn layer(seed: u64, part: &Part) -> Layer<AnyChannels<FlatSamples>> {
+    let pixels = part.size.0 * part.size.1;
+    let list = part.channels.iter().map(|&name| {
+        let values = (0..pixels).map(|pixel| value(seed, name, pixel));
+        let samples = match part.half {
+            true => FlatSamples::F16(values.map(f16::from_f32).collect()),
+            false => FlatSamples::F32(values.collect()),
+        };
+        AnyChannel::new(name, samples)
+    });
+    let encoding = Encoding { compression: part.compression, ..Encoding::FAST_LOSSLESS };
+    let mut attributes = LayerAttributes { layer_position: part.position.into(), ..LayerAttributes::default() };
+    if !part.name.is_empty() {
+        attributes.layer_name = Some(Text::from(part.name));
+    }
+    Layer::new(part.size, attributes, encoding, AnyChannels::sort(list.collect()))
+}
+
+pub const HALF: &[&str] = &[
+    "R", "G", "B", "A", "denoised.R", "denoised.G", "denoised.B", "albedo.R", "albedo.G", "albedo.B", "normal.X",
+    "normal.Y", "normal.Z", "visibility.Y",
+];
+
+/// Two complete halves in `folder`.
+pub fn write_halves(folder: &Path) -> (PathBuf, PathBuf) {
+    (write_file(&folder.join("a.exr"), 1, HALF), write_file(&folder.join("b.exr"), 2, HALF))
+}
