@@ -1,0 +1,24 @@
+//! The model contract of sspc: what a fitted model is, the ONNX graphs it is exported as, and the
+//! reader that takes it back. See `README.md` beside this crate for engines that are not ours.
+#![forbid(unsafe_code)]
+
+mod builder;
+mod contract;
+mod error;
+mod image_graph;
+mod messages;
+mod metadata;
+mod model;
+mod network_graph;
+mod reader;
+mod window_sum;
+
+pub use contract::{
+    ACTIVATIONS, CONTRACT_VERSION, Contract, EXPOSURE_RULE, Features, Form, INPUT_CHANNELS, PADDING,
+    WINDOW_RADIUS,
+};
+pub use error::{Error, FileError};
+pub use image_graph::write_image;
+pub use model::{Model, Shape};
+pub use network_graph::write_network;
+pub use reader::{GraphKind, MAX_FILE_BYTES, load_model, read_graph_kind, read_model};

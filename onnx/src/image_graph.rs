@@ -1,0 +1,92 @@
+//! The `image` graph: the whole corrector in standard operators, for engines without our code.
+
+use crate::builder::{Dim, GraphBuilder, int, ints};
+use crate::contract::Form;
+use crate::messages::data_type;
+use crate::model::Model;
+use crate::network_graph::{activated_parts, encode, planes};
+use crate::window_sum::add_window_sums;
+
+pub(crate) const IMAGE_GRAPH: &str = "sspc_image";
+/// The sum of weights is floored here before dividing (method, g_c).
+const WEIGHT_FLOOR: f32 = 1e-5;
+
+/// The corrector as an ONNX file. N is the number of half buffers (2, or 1 to see one half alone).
+///
+/// Inputs: `radiance`, `denoised`, `albedo`, `normal` `[N, 3, H, W]`, `visibility` `[N, 1, H, W]`,
+/// `exposure` `[1]`. Outputs: `corrected` `[1, 3, H, W]` = max(0, mean over the halves), and
+/// `halves` `[N, 3, H, W]`, both in the units of `radiance`. Values must be finite.
+///
+/// # Panics
+/// When the weights do not fit the contract; [`Model::new`] checks that.
+pub fn write_image(model: &Model) -> Vec<u8> {
+    let mut graph = GraphBuilder::new(IMAGE_GRAPH);
+    declare(&mut graph);
+    let features = features(&mut graph);
+    let parameters = activated_parts(&mut graph, model, &features);
+    split_parameters(&mut graph, &parameters);
+    add_window_sums(&mut graph);
+    let mut estimate = combine(&mut graph);
+    if model.contract.form == Form::Gated {
+        let residual = graph.op("Sub", &[&estimate, "z"], "residual");
+        let gated = graph.op("Mul", &["gate", &residual], "gated_residual");
+        estimate = graph.op("Add", &["z", &gated], "gated_estimate");
+    }
+    graph.op("Div", &[&estimate, "exposure"], "halves");
+    let mean = vec![ints("axes", &[0]), int("keepdims", 1)];
+    graph.op_with("ReduceMean", &["halves"], "mean_of_halves", mean);
+    graph.op("Relu", &["mean_of_halves"], "corrected");
+    encode(model, graph.finish())
+}
+
+fn declare(graph: &mut GraphBuilder) {
+    for (name, channels) in
+        [("radiance", 3), ("denoised", 3), ("albedo", 3), ("visibility", 1), ("normal", 3)]
+    {
+        graph.input(name, data_type::FLOAT, &planes(channels));
+    }
+    graph.input("exposure", data_type::FLOAT, &[Dim::Size(1)]);
+    let [_, channels, height, width] = planes(3);
+    graph.output("corrected", data_type::FLOAT, &[Dim::Size(1), channels, height, width]);
+    graph.output("halves", data_type::FLOAT, &planes(3));
+}
+
+/// Adds `y`, `z`, `rho`, `v` and `n` in normalised exposure and the network's input.
+fn features(graph: &mut GraphBuilder) -> String {
+    for (input, scaled, name) in [("radiance", "scaled_y", "y"), ("denoised", "scaled_z", "z")] {
+        graph.op("Mul", &[input, "exposure"], scaled);
+        graph.op("Relu", &[scaled], name);
+    }
+    for (input, name) in [("albedo", "rho"), ("visibility", "v"), ("normal", "n")] {
+        graph.op("Identity", &[input], name);
+    }
+    graph.op_with("Concat", &["y", "rho", "v", "n", "z"], "features", vec![int("axis", 1)])
+}
+
+/// Splits beta and gamma into the parts that the sums use.
+fn split_parameters(graph: &mut GraphBuilder, parameters: &[String]) {
+    graph.ints("slope_groups", &[3], &[3, 3, 3]);
+    let slopes = ["beta_z", "beta_rho", "beta_n"];
+    graph.node("Split", &[&parameters[0], "slope_groups"], &slopes, vec![int("axis", 1)]);
+    graph.op("Neg", &[&parameters[1]], "minus_gamma");
+    graph.ints("bandwidth_groups", &[5], &[1; 5]);
+    let bandwidths =
+        ["minus_gamma_rho", "minus_gamma_n", "minus_gamma_v", "minus_gamma_y", "minus_gamma_z"];
+    graph.node("Split", &["minus_gamma", "bandwidth_groups"], &bandwidths, vec![int("axis", 1)]);
+}
+
+/// g_c (Eq. 10) from the window's sums. The slopes belong to the centre pixel, so
+/// sum w (y_i + beta (x_c - x_i)) = sum w y_i + beta (x_c sum w - sum w x_i).
+fn combine(graph: &mut GraphBuilder) -> String {
+    let mut numerator = String::from("y_sum");
+    for (value, slope) in [("z", "beta_z"), ("rho", "beta_rho"), ("n", "beta_n")] {
+        let name = |part: &str| format!("{value}_{part}");
+        let centre = graph.op("Mul", &[value, "weight_sum"], &name("centre"));
+        let difference = graph.op("Sub", &[&centre, &name("sum")], &name("gradient"));
+        let sloped = graph.op("Mul", &[slope, &difference], &name("sloped"));
+        numerator = graph.op("Add", &[&numerator, &sloped], &name("numerator"));
+    }
+    graph.floats("weight_floor", &[], &[WEIGHT_FLOOR]);
+    let divisor = graph.op("Max", &["weight_sum", "weight_floor"], "weight_divisor");
+    graph.op("Div", &[&numerator, &divisor], "estimate")
+}

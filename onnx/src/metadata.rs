@@ -1,0 +1,156 @@
+//! The contract as key and value strings in the ONNX file's metadata.
+
+use crate::contract::*;
+use crate::error::Error;
+use crate::messages::StringStringEntryProto;
+use crate::model::Shape;
+use std::collections::BTreeMap;
+
+const PREFIX: &str = "sspc.";
+const EXTRA: &str = "sspc.extra.";
+/// Between the entries of a list of frames, which are paths.
+const FRAME_SEPARATOR: &str = "\n";
+
+/// All entries, in a fixed order, so that equal models give equal bytes. Optional ones come first:
+/// a file cut off anywhere then lacks one that must be there.
+pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
+    let Contract { form, shape, features, .. } = contract;
+    let required = [
+        ("contract", CONTRACT_VERSION.to_string()),
+        ("form", form.name().to_string()),
+        ("input_channels", INPUT_CHANNELS.join(",")),
+        ("output_channels", form.output_channels().join(",")),
+        ("activations", ACTIVATIONS.to_string()),
+        ("exposure", EXPOSURE_RULE.to_string()),
+        ("padding", PADDING.to_string()),
+        ("window_radius", contract.window_radius.to_string()),
+        ("hidden_channels", shape.hidden.to_string()),
+        ("hidden_layers", shape.layers.to_string()),
+        ("features", feature_names(*features)),
+        ("seed", contract.seed.to_string()),
+        ("steps", contract.steps.to_string()),
+        ("preset", contract.preset.clone()),
+        ("frames", contract.frames.join(FRAME_SEPARATOR)),
+        ("tool", contract.tool.clone()),
+    ]
+    .into_iter()
+    .map(|(key, value)| (format!("{PREFIX}{key}"), value));
+    let extra = contract.extra.iter().map(|(k, v)| (format!("{EXTRA}{k}"), v.clone()));
+    extra
+        .chain(required)
+        .map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) })
+        .collect()
+}
+
+/// Reads the entries back.
+///
+/// # Errors
+/// [`Error::Version`] first, so that a later contract is called by its name; then
+/// [`Error::MissingKey`] and [`Error::Key`].
+pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error> {
+    let entries = Entries(
+        entries
+            .iter()
+            .map(|e| (e.key.as_deref().unwrap_or(""), e.value.as_deref().unwrap_or("")))
+            .collect(),
+    );
+    let version = entries.text("contract")?;
+    if version != CONTRACT_VERSION.to_string() {
+        return Err(Error::Version { expected: CONTRACT_VERSION, found: version.to_string() });
+    }
+    let form = match entries.text("form")? {
+        "paper" => Form::Paper,
+        "gated" => Form::Gated,
+        found => return Err(key_error("form", "`paper` or `gated`", found)),
+    };
+    entries.same("input_channels", &INPUT_CHANNELS.join(","))?;
+    entries.same("output_channels", &form.output_channels().join(","))?;
+    entries.same("activations", ACTIVATIONS)?;
+    entries.same("exposure", EXPOSURE_RULE)?;
+    entries.same("padding", PADDING)?;
+    entries.same("window_radius", &WINDOW_RADIUS.to_string())?;
+    let shape = Shape {
+        hidden: entries.within("hidden_channels", 1, Shape::MAX.hidden)?,
+        layers: entries.within("hidden_layers", 1, Shape::MAX.layers)?,
+    };
+    Ok(Contract {
+        form,
+        shape,
+        window_radius: WINDOW_RADIUS,
+        seed: entries.number("seed")?,
+        frames: entries.frames()?,
+        tool: entries.text("tool")?.to_string(),
+        preset: entries.text("preset")?.to_string(),
+        steps: entries.number("steps")?,
+        features: entries.features()?,
+        extra: entries.extra(),
+    })
+}
+
+fn feature_names(features: Features) -> String {
+    let names = [
+        ("albedo", features.albedo),
+        ("normal", features.normal),
+        ("visibility", features.visibility),
+    ];
+    names.iter().filter(|(_, used)| *used).map(|(name, _)| *name).collect::<Vec<_>>().join(",")
+}
+
+fn key_error(key: &str, expected: impl Into<String>, found: &str) -> Error {
+    Error::Key { key: format!("{PREFIX}{key}"), expected: expected.into(), found: found.into() }
+}
+
+struct Entries<'a>(BTreeMap<&'a str, &'a str>);
+
+impl<'a> Entries<'a> {
+    fn text(&self, key: &str) -> Result<&'a str, Error> {
+        let key = format!("{PREFIX}{key}");
+        self.0.get(key.as_str()).copied().ok_or(Error::MissingKey { key })
+    }
+
+    fn same(&self, key: &str, expected: &str) -> Result<(), Error> {
+        match self.text(key)? {
+            found if found == expected => Ok(()),
+            found => Err(key_error(key, format!("`{expected}`"), found)),
+        }
+    }
+
+    fn number(&self, key: &str) -> Result<u64, Error> {
+        let text = self.text(key)?;
+        text.parse().map_err(|_| key_error(key, "a whole number", text))
+    }
+
+    fn within(&self, key: &str, low: usize, high: usize) -> Result<usize, Error> {
+        let text = self.text(key)?;
+        text.parse()
+            .ok()
+            .filter(|n| (low..=high).contains(n))
+            .ok_or_else(|| key_error(key, format!("a whole number in {low}..={high}"), text))
+    }
+
+    fn frames(&self) -> Result<Vec<String>, Error> {
+        let text = self.text("frames")?;
+        Ok(text.split(FRAME_SEPARATOR).filter(|f| !f.is_empty()).map(str::to_string).collect())
+    }
+
+    fn features(&self) -> Result<Features, Error> {
+        let text = self.text("features")?;
+        let mut features = Features { albedo: false, normal: false, visibility: false };
+        for name in text.split(',').filter(|name| !name.is_empty()) {
+            match name {
+                "albedo" => features.albedo = true,
+                "normal" => features.normal = true,
+                "visibility" => features.visibility = true,
+                _ => return Err(key_error("features", "albedo, normal, visibility", text)),
+            }
+        }
+        Ok(features)
+    }
+
+    fn extra(&self) -> BTreeMap<String, String> {
+        self.0
+            .iter()
+            .filter_map(|(k, v)| Some((k.strip_prefix(EXTRA)?.to_string(), v.to_string())))
+            .collect()
+    }
+}

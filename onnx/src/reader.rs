@@ -1,0 +1,181 @@
+//! Takes a model back from either graph that this crate writes.
+//!
+//! Nothing of a file is trusted: its size is bounded before it is decoded, shapes are compared with
+//! the contract before values are copied, and the operators must be the ones this crate writes, so
+//! that a file never means something else than what is computed from it.
+
+use crate::contract::Contract;
+use crate::error::{Error, FileError};
+use crate::image_graph::{IMAGE_GRAPH, write_image};
+use crate::messages::{GraphProto, ModelProto, NodeProto, TensorProto, data_type};
+use crate::metadata;
+use crate::model::{Model, layer_name};
+use crate::network_graph::write_network;
+use prost::Message;
+use std::io::Read;
+use std::path::Path;
+
+/// The largest file that is read. The paper's network takes 82 kB; the largest shape that the
+/// contract admits, 75 MB, is not meant to be.
+pub const MAX_FILE_BYTES: u64 = 32 << 20;
+
+/// `TensorProto.DataLocation.EXTERNAL`.
+const EXTERNAL: i32 = 1;
+
+/// Which graph a file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GraphKind {
+    /// Features to parameters.
+    Network,
+    /// Buffers to the corrected picture.
+    Image,
+}
+
+/// Reads and checks a model file.
+///
+/// # Errors
+/// [`FileError::Io`] when it cannot be read, [`FileError::Model`] when [`read_model`] refuses it.
+pub fn load_model(path: &Path) -> Result<Model, FileError> {
+    let io = |source| FileError::Io { path: path.to_path_buf(), source };
+    let file = std::fs::File::open(path).map_err(io)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
+    read_model(&bytes).map_err(|source| FileError::Model { path: path.to_path_buf(), source })
+}
+
+/// Takes contract and weights from the bytes of a network or image graph.
+///
+/// # Errors
+/// Every variant of [`Error`]; the first that applies in the order size, encoding, contract,
+/// weights, constants, operators.
+pub fn read_model(bytes: &[u8]) -> Result<Model, Error> {
+    let (contract, graph) = decode(bytes)?;
+    let outputs = contract.form.parameters();
+    let mut weights = Vec::with_capacity(contract.shape.weights(outputs).min(bytes.len() / 4));
+    for layer in 0..=contract.shape.layers {
+        let (input, output) = contract.shape.channels(layer, outputs);
+        let name = layer_name(layer);
+        append(&graph, &format!("{name}.weight"), &[output, input, 3, 3], &mut weights)?;
+        append(&graph, &format!("{name}.bias"), &[output], &mut weights)?;
+    }
+    let model = Model::new(contract, weights)?;
+    let expected = match kind(&graph) {
+        GraphKind::Network => write_network(&model),
+        GraphKind::Image => write_image(&model),
+    };
+    let expected = ModelProto::decode(&expected[..]).map_err(Error::NotOnnx)?;
+    let expected = expected.graph.ok_or(Error::NoGraph)?;
+    same_constants(&expected, &graph)?;
+    same_operators(&expected, &graph)?;
+    Ok(model)
+}
+
+/// Which graph the bytes hold.
+///
+/// # Errors
+/// As [`read_model`], for size, encoding and contract.
+pub fn read_graph_kind(bytes: &[u8]) -> Result<GraphKind, Error> {
+    decode(bytes).map(|(_, graph)| kind(&graph))
+}
+
+fn decode(bytes: &[u8]) -> Result<(Contract, GraphProto), Error> {
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(Error::TooLarge { found: bytes.len() as u64, limit: MAX_FILE_BYTES });
+    }
+    let file = ModelProto::decode(bytes).map_err(Error::NotOnnx)?;
+    let graph = file.graph.ok_or(Error::NoGraph)?;
+    Ok((metadata::read(&file.metadata_props)?, graph))
+}
+
+fn kind(graph: &GraphProto) -> GraphKind {
+    match graph.name.as_deref() {
+        Some(IMAGE_GRAPH) => GraphKind::Image,
+        _ => GraphKind::Network,
+    }
+}
+
+fn append(
+    graph: &GraphProto,
+    name: &str,
+    shape: &[usize],
+    weights: &mut Vec<f32>,
+) -> Result<(), Error> {
+    let tensor = graph
+        .initializer
+        .iter()
+        .find(|t| t.name.as_deref() == Some(name))
+        .ok_or_else(|| Error::MissingTensor { tensor: name.into() })?;
+    weights.extend(values(tensor, name, shape)?);
+    Ok(())
+}
+
+/// The values of a float32 tensor of a known shape, from either field that ONNX keeps them in.
+fn values(tensor: &TensorProto, name: &str, shape: &[usize]) -> Result<Vec<f32>, Error> {
+    let name = || name.to_string();
+    if tensor.data_location == Some(EXTERNAL) || !tensor.external_data.is_empty() {
+        return Err(Error::ExternalData { tensor: name() });
+    }
+    let found = tensor.data_type.unwrap_or(0);
+    if found != data_type::FLOAT {
+        return Err(Error::TensorType { tensor: name(), expected: data_type::FLOAT, found });
+    }
+    let expected: Vec<i64> = shape.iter().map(|&d| d as i64).collect();
+    if tensor.dims != expected {
+        let found = tensor.dims.iter().copied().take(8).collect();
+        return Err(Error::TensorShape { tensor: name(), expected, found });
+    }
+    let count: usize = shape.iter().product();
+    let size_error = |found| Error::TensorSize { tensor: name(), expected: count, found };
+    match &tensor.raw_data {
+        Some(raw) if raw.len() == 4 * count && tensor.float_data.is_empty() => {
+            let (quads, _) = raw.as_chunks::<4>();
+            Ok(quads.iter().map(|quad| f32::from_le_bytes(*quad)).collect())
+        }
+        Some(raw) => Err(size_error(raw.len() / 4 + tensor.float_data.len())),
+        None if tensor.float_data.len() == count => Ok(tensor.float_data.clone()),
+        None => Err(size_error(tensor.float_data.len())),
+    }
+}
+
+/// Whether every constant that is no weight has the value of this contract.
+fn same_constants(expected: &GraphProto, found: &GraphProto) -> Result<(), Error> {
+    let is_weight = |name: &str| name.ends_with(".weight") || name.ends_with(".bias");
+    let name = |tensor: &TensorProto| tensor.name.clone().unwrap_or_default();
+    for constant in expected.initializer.iter().filter(|t| !is_weight(&name(t))) {
+        if !found.initializer.contains(constant) {
+            return Err(Error::Constant { tensor: name(constant) });
+        }
+    }
+    Ok(())
+}
+
+/// The same operators on the same values in the same order, subgraphs included.
+fn same_operators(expected: &GraphProto, found: &GraphProto) -> Result<(), Error> {
+    let count = expected.node.len().max(found.node.len());
+    for index in 0..count {
+        let (expected, found) = (expected.node.get(index), found.node.get(index));
+        if !matches!((expected, found), (Some(e), Some(f)) if same_node(e, f)) {
+            let describe = |node: Option<&NodeProto>| match node {
+                Some(node) => format!(
+                    "{} of {}",
+                    node.op_type.as_deref().unwrap_or("?"),
+                    node.input.join(", ")
+                ),
+                None => "no operator".to_string(),
+            };
+            return Err(Error::Operator {
+                index,
+                expected: describe(expected),
+                found: describe(found).chars().take(120).collect(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn same_node(expected: &NodeProto, found: &NodeProto) -> bool {
+    expected.op_type == found.op_type
+        && expected.input == found.input
+        && expected.output == found.output
+        && expected.attribute == found.attribute
+}

@@ -1,0 +1,185 @@
+//! The sums of g_c over the window in standard operators.
+//!
+//! A Scan runs over the rows of the window; inside it the columns are unrolled. That way only a row
+//! index is dynamic (a Gather of whole rows), a shift by a column is a Slice with constant bounds,
+//! and memory stays at a few planes. Loops over all 361 offsets are slower in onnxruntime and not
+//! read by tract; unrolling all of them takes gigabytes.
+
+use crate::builder::{Dim, GraphBuilder, int, ints, subgraph};
+use crate::contract::WINDOW_RADIUS;
+use crate::messages::{GraphProto, data_type};
+
+/// Width of the window, 19 pixels.
+const WIDTH: usize = 2 * WINDOW_RADIUS + 1;
+
+/// What the weights compare, in the contract's bandwidth order rho, n, v, y, z.
+struct Term {
+    /// Name of the values, `[N, C, H, W]`.
+    value: &'static str,
+    /// Name of minus its bandwidth, `[N, 1, H, W]`.
+    bandwidth: &'static str,
+    /// gamma log(1 + d) of a squared distance d of colours, gamma d of a feature.
+    logarithmic: bool,
+    /// Whether the window's weighted sum of the values is wanted.
+    summed: bool,
+}
+
+const TERMS: [Term; 5] = [
+    Term { value: "rho", bandwidth: "minus_gamma_rho", logarithmic: false, summed: true },
+    Term { value: "n", bandwidth: "minus_gamma_n", logarithmic: false, summed: true },
+    Term { value: "v", bandwidth: "minus_gamma_v", logarithmic: false, summed: false },
+    Term { value: "y", bandwidth: "minus_gamma_y", logarithmic: true, summed: true },
+    Term { value: "z", bandwidth: "minus_gamma_z", logarithmic: true, summed: true },
+];
+
+/// From the values `rho`, `n`, `v`, `y`, `z`, the five `minus_gamma_*` and `tau` in `graph`, adds
+/// `weight_sum` = sum w_i `[N, 1, H, W]` and, for rho, n, y and z, `*_sum` = sum w_i x_i
+/// `[N, 3, H, W]` over the window (Eq. 11, tau at the centre).
+pub(crate) fn add_window_sums(graph: &mut GraphBuilder) {
+    mirrored_indices(graph);
+    for term in &TERMS {
+        let padded = format!("{}_wide", term.value);
+        graph.op_with("Gather", &[term.value, "column_indices"], &padded, vec![int("axis", 3)]);
+    }
+    graph.op("Shape", &["y"], "colour_shape");
+    graph.op("ConstantOfShape", &["colour_shape"], "colour_zeros");
+    graph.op("Shape", &["tau"], "weight_shape");
+    graph.op("ConstantOfShape", &["weight_shape"], "weight_zeros");
+    let centre: Vec<bool> = (0..WIDTH).map(|row| row == WINDOW_RADIUS).collect();
+    graph.bools("row_is_centre", &centre);
+
+    let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
+    let mut inputs = vec!["colour_zeros"; summed.len()];
+    inputs.extend(["weight_zeros", "window_rows", "row_is_centre"]);
+    let mut outputs: Vec<String> = summed.iter().map(|t| format!("{}_sum", t.value)).collect();
+    outputs.push("weight_sum".into());
+    let outputs: Vec<&str> = outputs.iter().map(String::as_str).collect();
+    let attributes = vec![subgraph("body", row_body()), int("num_scan_inputs", 2)];
+    graph.node("Scan", &inputs, &outputs, attributes);
+}
+
+/// `column_indices` `[W + 18]`: the pixel that a padded column shows, mirrored at the borders with
+/// the edge pixel repeated, as often as a small image needs. `window_rows` `[19, H]`: for each row
+/// of the window the image row that each pixel sees.
+fn mirrored_indices(graph: &mut GraphBuilder) {
+    graph.op("Shape", &["y"], "image_shape");
+    graph.ints("i_zero", &[], &[0]);
+    graph.ints("i_one", &[], &[1]);
+    graph.ints("i_two", &[], &[2]);
+    graph.ints("radius", &[], &[WINDOW_RADIUS as i64]);
+    graph.ints("two_radii", &[], &[2 * WINDOW_RADIUS as i64]);
+    for (axis, name) in [(2, "row"), (3, "column")] {
+        let n = |part: &str| format!("{name}_{part}");
+        let axis = graph.ints(&n("axis"), &[], &[axis]);
+        let size = graph.op("Gather", &["image_shape", &axis], &n("size"));
+        let period = graph.op("Mul", &[&size, "i_two"], &n("period"));
+        let padded = graph.op("Add", &[&size, "two_radii"], &n("padded"));
+        let count = graph.op("Range", &["i_zero", &padded, "i_one"], &n("count"));
+        // A multiple of the period that keeps the dividend from being negative, where engines
+        // differ about the sign of Mod.
+        let lift = graph.op("Mul", &[&period, "radius"], &n("lift"));
+        let shift = graph.op("Sub", &[&lift, "radius"], &n("shift"));
+        let lifted = graph.op("Add", &[&count, &shift], &n("lifted"));
+        let forward = graph.op("Mod", &[&lifted, &period], &n("forward"));
+        let turn = graph.op("Sub", &[&period, "i_one"], &n("turn"));
+        let backward = graph.op("Sub", &[&turn, &forward], &n("backward"));
+        graph.op("Min", &[&forward, &backward], &n("indices"));
+    }
+    graph.ints("window_offsets", &[WIDTH, 1], &(0..WIDTH as i64).collect::<Vec<_>>());
+    graph.op("Range", &["i_zero", "row_size", "i_one"], "image_rows");
+    graph.op("Add", &["window_offsets", "image_rows"], "padded_rows");
+    graph.op("Gather", &["row_indices", "padded_rows"], "window_rows");
+}
+
+/// One row of the window: 19 columns, unrolled. State: the sums; scanned: a row of `window_rows`
+/// and of `row_is_centre`; everything else is seen from the graph around it.
+fn row_body() -> GraphProto {
+    let mut body = GraphBuilder::new("window_row");
+    let free = |channels| [Dim::Named("n"), Dim::Size(channels), Dim::Named("h"), Dim::Named("w")];
+    let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
+    for term in &summed {
+        body.input(&format!("{}_sum_in", term.value), data_type::FLOAT, &free(3));
+    }
+    body.input("weight_sum_in", data_type::FLOAT, &free(1));
+    body.input("rows", data_type::INT64, &[Dim::Named("h")]);
+    body.input("is_centre", data_type::BOOL, &[]);
+
+    body.ints("shift_axis", &[1], &[3]);
+    body.floats("f_one", &[], &[1.0]);
+    for term in &TERMS {
+        let wide = format!("{}_wide", term.value);
+        let row = format!("{}_row", term.value);
+        body.op_with("Gather", &[&wide, "rows"], &row, vec![int("axis", 2)]);
+    }
+    let mut sums: Vec<String> = summed.iter().map(|t| format!("{}_sum_in", t.value)).collect();
+    let mut weight_sum = String::from("weight_sum_in");
+    for column in 0..WIDTH {
+        let name = |part: &str| match column {
+            last if last == WIDTH - 1 => format!("{part}_out"),
+            _ => format!("{part}_{column}"),
+        };
+        let taps = shifted(&mut body, column);
+        let weight = tap_weight(&mut body, column, &taps);
+        for (sum, term) in sums.iter_mut().zip(&summed) {
+            let tap = format!("{}_tap_{column}", term.value);
+            let product =
+                body.op("Mul", &[&weight, &tap], &format!("{}_weighted_{column}", term.value));
+            *sum = body.op("Add", &[sum, &product], &name(&format!("{}_sum", term.value)));
+        }
+        weight_sum = body.op("Add", &[&weight_sum, &weight], &name("weight_sum"));
+    }
+    for term in &summed {
+        body.output(&format!("{}_sum_out", term.value), data_type::FLOAT, &free(3));
+    }
+    body.output("weight_sum_out", data_type::FLOAT, &free(1));
+    body.finish()
+}
+
+/// The row of every term shifted to `column` of the window: names in the order of [`TERMS`].
+fn shifted(body: &mut GraphBuilder, column: usize) -> Vec<String> {
+    let start = body.ints(&format!("start_{column}"), &[1], &[column as i64]);
+    // The end counted from the right, so that it does not depend on the image's width.
+    let end = match column as i64 - (WIDTH as i64 - 1) {
+        0 => i64::MAX,
+        negative => negative,
+    };
+    let end = body.ints(&format!("end_{column}"), &[1], &[end]);
+    TERMS
+        .iter()
+        .map(|term| {
+            let row = format!("{}_row", term.value);
+            let tap = format!("{}_tap_{column}", term.value);
+            body.op("Slice", &[&row, &start, &end, "shift_axis"], &tap)
+        })
+        .collect()
+}
+
+/// w_i of Eq. 11 for the pixels of one column of the window; tau where i = c.
+fn tap_weight(body: &mut GraphBuilder, column: usize, taps: &[String]) -> String {
+    let mut exponent: Option<String> = None;
+    for (term, tap) in TERMS.iter().zip(taps) {
+        let name = |part: &str| format!("{}_{part}_{column}", term.value);
+        let difference = body.op("Sub", &[term.value, tap], &name("difference"));
+        let mut distance = body.op_with(
+            "ReduceSumSquare",
+            &[&difference],
+            &name("distance"),
+            vec![ints("axes", &[1]), int("keepdims", 1)],
+        );
+        if term.logarithmic {
+            let plus_one = body.op("Add", &[&distance, "f_one"], &name("plus_one"));
+            distance = body.op("Log", &[&plus_one], &name("log"));
+        }
+        let scaled = body.op("Mul", &[&distance, term.bandwidth], &name("scaled"));
+        exponent = Some(match exponent {
+            None => scaled,
+            Some(sum) => body.op("Add", &[&sum, &scaled], &name("exponent")),
+        });
+    }
+    let exponent = exponent.expect("there are terms");
+    let weight = body.op("Exp", &[&exponent], &format!("weight_{column}"));
+    if column == WINDOW_RADIUS {
+        return body.op("Where", &["is_centre", "tau", &weight], "centre_weight");
+    }
+    weight
+}

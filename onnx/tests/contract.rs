@@ -1,0 +1,135 @@
+//! What is written is read back, and what is not ours is refused by name.
+
+use sspc_onnx::*;
+use std::collections::BTreeMap;
+
+/// Weights that differ from each other, of a fitted network's magnitude.
+fn model(form: Form, shape: Shape) -> Model {
+    let mut contract = Contract::new(form);
+    contract.shape = shape;
+    contract.seed = 7;
+    contract.steps = 300;
+    contract.preset = "default".into();
+    contract.tool = "sspc-train 0.1.0".into();
+    contract.frames = vec!["shot/a.1001.exr".into(), "shot/a, take 2.1004.exr".into()];
+    contract.features = Features { albedo: true, normal: true, visibility: false };
+    contract.extra = BTreeMap::from([("loss".to_string(), "0.0123".to_string())]);
+    let count = shape.weights(form.parameters());
+    let weights = (0..count).map(|i| ((i * 7919 % 1009) as f32 / 1009.0 - 0.5) * 0.2).collect();
+    Model::new(contract, weights).unwrap()
+}
+
+const SMALL: Shape = Shape { hidden: 3, layers: 2 };
+
+#[test]
+fn both_graphs_give_the_model_back_to_the_bit() {
+    for form in [Form::Paper, Form::Gated] {
+        for shape in [Shape::PAPER, SMALL] {
+            let model = model(form, shape);
+            for (bytes, kind) in
+                [(write_network(&model), GraphKind::Network), (write_image(&model), GraphKind::Image)]
+            {
+                assert_eq!(read_model(&bytes).unwrap(), model);
+                assert_eq!(read_graph_kind(&bytes).unwrap(), kind);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_paper_network_has_the_papers_number_of_parameters() {
+    assert_eq!(Shape::PAPER.weights(Form::Paper.parameters()), 20303);
+    assert_eq!(Shape::PAPER.receptive_radius(), 9);
+}
+
+#[test]
+fn equal_models_give_equal_bytes() {
+    let model = model(Form::Gated, SMALL);
+    assert_eq!(write_network(&model), write_network(&model.clone()));
+}
+
+#[test]
+fn weights_that_do_not_fit_or_are_not_finite_are_refused() {
+    let Model { contract, mut weights } = model(Form::Paper, SMALL);
+    let short = Model::new(contract.clone(), weights[1..].to_vec()).unwrap_err();
+    assert!(matches!(short, Error::WeightCount { expected, found } if found + 1 == expected));
+    weights[5] = f32::NAN;
+    let nan = Model::new(contract, weights).unwrap_err();
+    assert!(matches!(nan, Error::NotFinite { tensor, index: 5, .. } if tensor == "conv0.weight"));
+}
+
+/// A file with one occurrence of `from` replaced by bytes of the same length.
+fn altered(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    assert_eq!(from.len(), to.len(), "lengths inside a protobuf file must not change");
+    let at = bytes.windows(from.len()).position(|w| w == from).expect("text is in the file");
+    let mut altered = bytes.to_vec();
+    altered[at..at + to.len()].copy_from_slice(to);
+    altered
+}
+
+#[test]
+fn another_contract_is_named() {
+    let bytes = write_network(&model(Form::Gated, SMALL));
+    let contract_entry = [b"sspc.contract\x12\x01".as_slice(), b"1"].concat();
+    let later = altered(&bytes, &contract_entry, b"sspc.contract\x12\x012");
+    assert!(matches!(read_model(&later), Err(Error::Version { expected: 1, found }) if found == "2"));
+
+    let radius = altered(&bytes, b"sspc.window_radius\x12\x019", b"sspc.window_radius\x12\x017");
+    assert!(matches!(read_model(&radius), Err(Error::Key { key, .. }) if key.contains("radius")));
+
+    let order = altered(&bytes, b"y.r,y.g,y.b", b"y.b,y.g,y.r");
+    assert!(matches!(read_model(&order), Err(Error::Key { key, .. }) if key.contains("input")));
+
+    let form = altered(&bytes, b"gated", b"paper");
+    assert!(matches!(read_model(&form), Err(Error::Key { key, .. }) if key.contains("output")));
+
+    let foreign = altered(&bytes, b"sspc.contract", b"abcd.contract");
+    assert!(matches!(read_model(&foreign), Err(Error::MissingKey { key }) if key == "sspc.contract"));
+}
+
+#[test]
+fn sizes_are_checked_before_anything_is_copied() {
+    let bytes = write_network(&model(Form::Paper, Shape { hidden: 16, layers: 8 }));
+    let wide = altered(&bytes, b"hidden_channels\x12\x0216", b"hidden_channels\x12\x0232");
+    assert!(matches!(read_model(&wide), Err(Error::TensorShape { tensor, .. }) if tensor == "conv0.weight"));
+    let zero = altered(&bytes, b"hidden_layers\x12\x018", b"hidden_layers\x12\x010");
+    assert!(matches!(read_model(&zero), Err(Error::Key { key, .. }) if key == "sspc.hidden_layers"));
+    let huge = vec![0; MAX_FILE_BYTES as usize + 1];
+    assert!(matches!(read_model(&huge), Err(Error::TooLarge { .. })));
+}
+
+#[test]
+fn other_operators_and_constants_are_refused() {
+    let bytes = write_network(&model(Form::Paper, SMALL));
+    let elu = altered(&bytes, b"\x22\x04Relu", b"\x22\x04Tanh");
+    assert!(matches!(read_model(&elu), Err(Error::Operator { .. })));
+    let floor = altered(&bytes, &1e-4f32.to_le_bytes(), &1e-2f32.to_le_bytes());
+    assert!(matches!(read_model(&floor), Err(Error::Constant { tensor }) if tensor == "activation_floor"));
+}
+
+#[test]
+fn a_non_finite_weight_in_a_file_is_found() {
+    let model = model(Form::Paper, SMALL);
+    let weight = model.weights[3].to_le_bytes();
+    let bytes = altered(&write_network(&model), &weight, &f32::INFINITY.to_le_bytes());
+    assert!(matches!(read_model(&bytes), Err(Error::NotFinite { .. })));
+}
+
+#[test]
+fn no_truncation_and_no_flipped_byte_is_a_panic() {
+    let bytes = write_network(&model(Form::Gated, SMALL));
+    for length in 0..bytes.len() {
+        assert!(read_model(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
+    }
+    let mut bytes = bytes;
+    for at in 0..bytes.len() {
+        let kept = bytes[at];
+        for value in [0, 0xff, kept ^ 0x80] {
+            bytes[at] = value;
+            let _ = read_model(&bytes);
+        }
+        bytes[at] = kept;
+    }
+    assert!(read_model(b"v/1 \x01\x02 not a model").is_err());
+    assert!(read_model(b"").is_err());
+}
