@@ -1,7 +1,8 @@
 //! Writes both graphs of a network of made-up weights: `write_graphs FOLDER [paper|gated]`. Other
 //! engines' tests run them.
 
-use sspc_onnx::{Contract, Form, Model, write_image, write_network};
+use sspc_core::parameters::Form;
+use sspc_onnx::{Contract, Model, write_image, write_network};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -10,7 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some("paper") => Form::Paper,
         _ => Form::Gated,
     };
-    let count = Contract::new(form).shape.weights(form.parameters());
+    let count = Contract::new(form).shape.parameter_count();
     // A fixed sequence in -0.25..0.25: deep enough signals without a random generator.
     let weights = (0..count).map(|i| ((i * 7919 + 13) % 1009) as f32 / 2018.0 - 0.25).collect();
     let model = Model::new(Contract::new(form), weights)?;

@@ -1,90 +1,75 @@
 //! What every model file promises, and what it says of its origin.
 
-use crate::model::Shape;
+use sspc_core::features::{FeatureSet, MAX_RADIUS};
+use sspc_core::gc::PAPER_RADIUS;
+use sspc_core::network::{MAX_CHANNELS, Shape};
+use sspc_core::parameters::Form;
+use sspc_core::prepare::Exposure;
 use std::collections::BTreeMap;
 
 /// The version of this contract. It changes with anything that would make an older reader compute
 /// another picture: channel order, activations, exposure rule, window, meaning of an output.
 pub const CONTRACT_VERSION: u32 = 1;
 
-/// The 13 input channels of the network, in order: y, rho, v, n, z.
-pub const INPUT_CHANNELS: [&str; 13] = [
-    "y.r", "y.g", "y.b", "rho.r", "rho.g", "rho.b", "v", "n.x", "n.y", "n.z", "z.r", "z.g", "z.b",
+/// The parameters of the gated form, in order; the paper's form has the first 15.
+const PARAMETER_NAMES: [&str; 16] = [
+    "beta_z.R", "beta_z.G", "beta_z.B", "beta_rho.R", "beta_rho.G", "beta_rho.B", "beta_n.X",
+    "beta_n.Y", "beta_n.Z", "gamma_rho", "gamma_n", "gamma_v", "gamma_y", "gamma_z", "tau", "gate",
 ];
 
-/// The output channels of the gated form; the paper's form is its first 15.
-const OUTPUT_CHANNELS: [&str; 16] = [
-    "beta_z.r", "beta_z.g", "beta_z.b", "beta_rho.r", "beta_rho.g", "beta_rho.b", "beta_n.x",
-    "beta_n.y", "beta_n.z", "gamma_rho", "gamma_n", "gamma_v", "gamma_y", "gamma_z", "tau", "gate",
-];
-
-/// Radius of the window of g_c, pixels: 19x19.
-pub const WINDOW_RADIUS: usize = 9;
+/// Most convolutions that are read: far above any use.
+pub(crate) const MAX_LAYERS: usize = 32;
+/// Sizes that the kernels serve.
+pub(crate) const MAX_HIDDEN: usize = MAX_CHANNELS;
+pub(crate) const MAX_WINDOW_RADIUS: usize = MAX_RADIUS;
 
 /// What the graphs apply to the last convolution's outputs o.
 pub const ACTIVATIONS: &str =
     "beta: tanh(o); gamma: 1/(softplus(o)^2 + 1e-4); tau: softplus(o) + 1e-4; gate: 1/(1 + exp(-o))";
 
-/// How image borders are treated.
+/// How borders of the picture are treated.
 pub const PADDING: &str =
     "network: zeros, same size; window of g_c: mirrored with the edge pixel repeated";
 
-/// What is done to values before they become features.
-pub const EXPOSURE_RULE: &str = "y and z of both halves times one scale, then clamped at 0; \
-the picture divided by that scale; albedo, visibility and normal as rendered; absent features 0";
-
-/// Which combination the parameters are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
-    /// 15 parameters: mu = g_c (Back et al. 2022, Eq. 10).
-    Paper,
-    /// 16 parameters: mu = z + s (g_c - z), s the gate in 0..1.
-    Gated,
-}
-
-impl Form {
-    /// Number of parameter channels P.
-    pub fn parameters(self) -> usize {
-        match self {
-            Form::Paper => 15,
-            Form::Gated => 16,
+/// What is done to values before they become features, and to the result.
+pub fn exposure_rule(exposure: Exposure) -> &'static str {
+    match exposure {
+        Exposure::AsIs => {
+            "scale 1; y and z clamped at 0; albedo, visibility and normal as rendered; absent or \
+constant features 0"
+        }
+        Exposure::Normalised => {
+            "scale 0.25 / mean of the darker 95 % of the positive z of both halves (mean of both \
+halves and of the three channels, finite pixels); y and z of both halves times the scale, clamped \
+at 0; the picture divided by the scale; albedo, visibility and normal as rendered; absent or \
+constant features 0"
         }
     }
-
-    /// The name in the file's metadata.
-    pub fn name(self) -> &'static str {
-        match self {
-            Form::Paper => "paper",
-            Form::Gated => "gated",
-        }
-    }
-
-    /// Names of the parameter channels, in order.
-    pub fn output_channels(self) -> &'static [&'static str] {
-        &OUTPUT_CHANNELS[..self.parameters()]
-    }
 }
 
-/// Which optional features the training frames had; an absent one was fed as zeros.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Features {
-    pub albedo: bool,
-    pub normal: bool,
-    pub visibility: bool,
+/// Names of the parameter channels of a form, in order.
+pub fn parameter_names(form: Form) -> &'static [&'static str] {
+    &PARAMETER_NAMES[..form.parameters()]
 }
 
-impl Features {
-    pub const ALL: Features = Features { albedo: true, normal: true, visibility: true };
+/// The form's name in a file's metadata.
+pub fn form_name(form: Form) -> &'static str {
+    match form {
+        Form::Paper => "paper",
+        Form::Gated => "gated",
+    }
 }
 
 /// The form of a model and where it comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contract {
     pub form: Form,
-    /// Size of the network.
+    /// Size of the network; its outputs are the form's parameters.
     pub shape: Shape,
-    /// Radius of the window of g_c, pixels; only [`WINDOW_RADIUS`] is read by this version.
+    /// Radius of the square window of g_c, pixels.
     pub window_radius: usize,
+    /// How radiance was brought to the method's scale in training.
+    pub exposure: Exposure,
     /// Seed of the fit.
     pub seed: u64,
     /// Training frames as the user named them.
@@ -95,24 +80,27 @@ pub struct Contract {
     pub preset: String,
     /// Optimiser steps taken.
     pub steps: u64,
-    pub features: Features,
+    /// Optional features that the training frames had; an absent one was fed as zeros.
+    pub features: FeatureSet,
     /// Anything else worth keeping; keys of letters, digits, `.`, `_` and `-`.
     pub extra: BTreeMap<String, String>,
 }
 
 impl Contract {
-    /// A contract of the paper's network size with nothing known of its origin.
+    /// A contract of the paper's network and window, normalised exposure and every feature, with
+    /// nothing known of its origin.
     pub fn new(form: Form) -> Self {
         Contract {
             form,
-            shape: Shape::PAPER,
-            window_radius: WINDOW_RADIUS,
+            shape: Shape::paper(form),
+            window_radius: PAPER_RADIUS,
+            exposure: Exposure::Normalised,
             seed: 0,
             frames: Vec::new(),
             tool: String::new(),
             preset: String::new(),
             steps: 0,
-            features: Features::ALL,
+            features: FeatureSet::ALL,
             extra: BTreeMap::new(),
         }
     }

@@ -29,6 +29,8 @@ pub enum Error {
     ExternalData { tensor: String },
     #[error("tensor `{tensor}` has the value {found} at index {index}; weights must be finite")]
     NotFinite { tensor: String, index: usize, found: f32 },
+    #[error("a network of {found} outputs for a form of {expected} parameters")]
+    Outputs { expected: usize, found: usize },
     #[error("{found} weights, the contract's network has {expected}")]
     WeightCount { expected: usize, found: usize },
     #[error("the graph is not the one of this contract: constant `{tensor}` is missing or another")]

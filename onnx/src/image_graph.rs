@@ -1,15 +1,14 @@
 //! The `image` graph: the whole corrector in standard operators, for engines without our code.
 
 use crate::builder::{Dim, GraphBuilder, int, ints};
-use crate::contract::Form;
 use crate::messages::data_type;
 use crate::model::Model;
 use crate::network_graph::{activated_parts, encode, planes};
 use crate::window_sum::add_window_sums;
+use sspc_core::gc::WEIGHT_FLOOR;
+use sspc_core::parameters::Form;
 
 pub(crate) const IMAGE_GRAPH: &str = "sspc_image";
-/// The sum of weights is floored here before dividing (method, g_c).
-const WEIGHT_FLOOR: f32 = 1e-5;
 
 /// The corrector as an ONNX file. N is the number of half buffers (2, or 1 to see one half alone).
 ///
@@ -25,7 +24,7 @@ pub fn write_image(model: &Model) -> Vec<u8> {
     let features = features(&mut graph);
     let parameters = activated_parts(&mut graph, model, &features);
     split_parameters(&mut graph, &parameters);
-    add_window_sums(&mut graph);
+    add_window_sums(&mut graph, model.contract.window_radius);
     let mut estimate = combine(&mut graph);
     if model.contract.form == Form::Gated {
         let residual = graph.op("Sub", &[&estimate, "z"], "residual");

@@ -14,11 +14,10 @@ mod reader;
 mod window_sum;
 
 pub use contract::{
-    ACTIVATIONS, CONTRACT_VERSION, Contract, EXPOSURE_RULE, Features, Form, INPUT_CHANNELS, PADDING,
-    WINDOW_RADIUS,
+    ACTIVATIONS, CONTRACT_VERSION, Contract, PADDING, exposure_rule, form_name, parameter_names,
 };
 pub use error::{Error, FileError};
 pub use image_graph::write_image;
-pub use model::{Model, Shape};
+pub use model::Model;
 pub use network_graph::write_network;
 pub use reader::{GraphKind, MAX_FILE_BYTES, load_model, read_graph_kind, read_model};

@@ -3,7 +3,10 @@
 use crate::contract::*;
 use crate::error::Error;
 use crate::messages::StringStringEntryProto;
-use crate::model::Shape;
+use sspc_core::features::{CHANNEL_NAMES, FeatureSet};
+use sspc_core::network::Shape;
+use sspc_core::parameters::Form;
+use sspc_core::prepare::Exposure;
 use std::collections::BTreeMap;
 
 const PREFIX: &str = "sspc.";
@@ -17,15 +20,16 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     let Contract { form, shape, features, .. } = contract;
     let required = [
         ("contract", CONTRACT_VERSION.to_string()),
-        ("form", form.name().to_string()),
-        ("input_channels", INPUT_CHANNELS.join(",")),
-        ("output_channels", form.output_channels().join(",")),
+        ("form", form_name(*form).to_string()),
+        ("input_channels", CHANNEL_NAMES.join(",")),
+        ("output_channels", parameter_names(*form).join(",")),
         ("activations", ACTIVATIONS.to_string()),
-        ("exposure", EXPOSURE_RULE.to_string()),
+        ("exposure", exposure_name(contract.exposure).to_string()),
+        ("exposure_rule", exposure_rule(contract.exposure).to_string()),
         ("padding", PADDING.to_string()),
         ("window_radius", contract.window_radius.to_string()),
         ("hidden_channels", shape.hidden.to_string()),
-        ("hidden_layers", shape.layers.to_string()),
+        ("convolutions", shape.layers.to_string()),
         ("features", feature_names(*features)),
         ("seed", contract.seed.to_string()),
         ("steps", contract.steps.to_string()),
@@ -63,20 +67,26 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
         "gated" => Form::Gated,
         found => return Err(key_error("form", "`paper` or `gated`", found)),
     };
-    entries.same("input_channels", &INPUT_CHANNELS.join(","))?;
-    entries.same("output_channels", &form.output_channels().join(","))?;
+    entries.same("input_channels", &CHANNEL_NAMES.join(","))?;
+    entries.same("output_channels", &parameter_names(form).join(","))?;
     entries.same("activations", ACTIVATIONS)?;
-    entries.same("exposure", EXPOSURE_RULE)?;
+    let exposure = match entries.text("exposure")? {
+        "as-is" => Exposure::AsIs,
+        "normalised" => Exposure::Normalised,
+        found => return Err(key_error("exposure", "`as-is` or `normalised`", found)),
+    };
+    entries.same("exposure_rule", exposure_rule(exposure))?;
     entries.same("padding", PADDING)?;
-    entries.same("window_radius", &WINDOW_RADIUS.to_string())?;
     let shape = Shape {
-        hidden: entries.within("hidden_channels", 1, Shape::MAX.hidden)?,
-        layers: entries.within("hidden_layers", 1, Shape::MAX.layers)?,
+        hidden: entries.within("hidden_channels", 1, MAX_HIDDEN)?,
+        layers: entries.within("convolutions", 1, MAX_LAYERS)?,
+        outputs: form.parameters(),
     };
     Ok(Contract {
         form,
         shape,
-        window_radius: WINDOW_RADIUS,
+        window_radius: entries.within("window_radius", 1, MAX_WINDOW_RADIUS)?,
+        exposure,
         seed: entries.number("seed")?,
         frames: entries.frames()?,
         tool: entries.text("tool")?.to_string(),
@@ -87,7 +97,14 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
     })
 }
 
-fn feature_names(features: Features) -> String {
+fn exposure_name(exposure: Exposure) -> &'static str {
+    match exposure {
+        Exposure::AsIs => "as-is",
+        Exposure::Normalised => "normalised",
+    }
+}
+
+fn feature_names(features: FeatureSet) -> String {
     let names = [
         ("albedo", features.albedo),
         ("normal", features.normal),
@@ -133,9 +150,9 @@ impl<'a> Entries<'a> {
         Ok(text.split(FRAME_SEPARATOR).filter(|f| !f.is_empty()).map(str::to_string).collect())
     }
 
-    fn features(&self) -> Result<Features, Error> {
+    fn features(&self) -> Result<FeatureSet, Error> {
         let text = self.text("features")?;
-        let mut features = Features { albedo: false, normal: false, visibility: false };
+        let mut features = FeatureSet { albedo: false, normal: false, visibility: false };
         for name in text.split(',').filter(|name| !name.is_empty()) {
             match name {
                 "albedo" => features.albedo = true,

@@ -1,42 +1,8 @@
 //! A fitted model: its contract and its weights in one flat vector.
 
-use crate::contract::{Contract, INPUT_CHANNELS};
+use crate::contract::Contract;
 use crate::error::Error;
-
-/// Size of the network: `layers` hidden 3x3 convolutions of `hidden` channels with ReLU, then one
-/// 3x3 convolution to the parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
-    pub hidden: usize,
-    pub layers: usize,
-}
-
-impl Shape {
-    /// The paper's network: eight hidden layers of 16 channels.
-    pub const PAPER: Shape = Shape { hidden: 16, layers: 8 };
-    /// Largest sizes that are read: far above any use, far below what could exhaust memory.
-    pub const MAX: Shape = Shape { hidden: 256, layers: 32 };
-
-    /// (input channels, output channels) of convolution `layer` in `0..=layers`, P outputs in all.
-    pub fn channels(self, layer: usize, outputs: usize) -> (usize, usize) {
-        let input = if layer == 0 { INPUT_CHANNELS.len() } else { self.hidden };
-        let output = if layer == self.layers { outputs } else { self.hidden };
-        (input, output)
-    }
-
-    /// Number of weights and biases of the whole network.
-    pub fn weights(self, outputs: usize) -> usize {
-        (0..=self.layers)
-            .map(|layer| self.channels(layer, outputs))
-            .map(|(input, output)| output * input * 9 + output)
-            .sum()
-    }
-
-    /// Pixels by which one output depends on inputs around it: one per convolution.
-    pub fn receptive_radius(self) -> usize {
-        self.layers + 1
-    }
-}
+use sspc_core::network::{Network, layer};
 
 /// Contract and weights.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,19 +12,12 @@ pub struct Model {
     pub weights: Vec<f32>,
 }
 
-/// Weight and bias of one convolution, borrowed from the flat vector.
-pub(crate) struct Layer<'a> {
-    pub input: usize,
-    pub output: usize,
-    pub weight: &'a [f32],
-    pub bias: &'a [f32],
-}
-
 impl Model {
     /// A model whose weights are known to fit its contract.
     ///
     /// # Errors
-    /// [`Error::WeightCount`] when their number is not the contract's, [`Error::NotFinite`] when
+    /// [`Error::Outputs`] when the shape has other outputs than the form has parameters,
+    /// [`Error::WeightCount`] when the number of weights is not the contract's, [`Error::NotFinite`] when
     /// one of them is NaN or infinite.
     pub fn new(contract: Contract, weights: Vec<f32>) -> Result<Self, Error> {
         let model = Model { contract, weights };
@@ -66,15 +25,25 @@ impl Model {
         Ok(model)
     }
 
-    pub(crate) fn check(&self) -> Result<(), Error> {
-        let expected = self.contract.shape.weights(self.contract.form.parameters());
+    /// The network as core's kernels take it.
+    pub fn network(&self) -> Network {
+        Network { shape: self.contract.shape, weights: self.weights.clone() }
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        let Contract { form, shape, .. } = self.contract;
+        if shape.outputs != form.parameters() {
+            return Err(Error::Outputs { expected: form.parameters(), found: shape.outputs });
+        }
+        let expected = shape.parameter_count();
         if self.weights.len() != expected {
             return Err(Error::WeightCount { expected, found: self.weights.len() });
         }
-        for (index, layer) in self.layers().enumerate() {
-            for (part, values) in [("weight", layer.weight), ("bias", layer.bias)] {
+        for l in 0..shape.layers {
+            let (weight, bias) = self.layer(l);
+            for (part, values) in [("weight", weight), ("bias", bias)] {
                 if let Some(at) = values.iter().position(|w| !w.is_finite()) {
-                    let tensor = format!("{}.{part}", layer_name(index));
+                    let tensor = format!("{}.{part}", layer_name(l));
                     return Err(Error::NotFinite { tensor, index: at, found: values[at] });
                 }
             }
@@ -82,21 +51,9 @@ impl Model {
         Ok(())
     }
 
-    /// The convolutions in order.
-    ///
-    /// # Panics
-    /// When there are fewer weights than the contract's shape needs.
-    pub(crate) fn layers(&self) -> impl Iterator<Item = Layer<'_>> {
-        let shape = self.contract.shape;
-        let outputs = self.contract.form.parameters();
-        let mut rest = &self.weights[..];
-        (0..=shape.layers).map(move |layer| {
-            let (input, output) = shape.channels(layer, outputs);
-            let (weight, tail) = rest.split_at(output * input * 9);
-            let (bias, tail) = tail.split_at(output);
-            rest = tail;
-            Layer { input, output, weight, bias }
-        })
+    /// Kernel and bias of convolution `l`.
+    pub(crate) fn layer(&self, l: usize) -> (&[f32], &[f32]) {
+        layer(&self.contract.shape, &self.weights, l)
     }
 }
 

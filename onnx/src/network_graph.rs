@@ -1,11 +1,12 @@
 //! The `network` graph: features -> activated parameters.
 
 use crate::builder::{Dim, GraphBuilder, int, ints};
-use crate::contract::{Form, INPUT_CHANNELS};
 use crate::messages::{GraphProto, ModelProto, OperatorSetIdProto, data_type};
 use crate::metadata;
 use crate::model::{Model, layer_name};
 use prost::Message;
+use sspc_core::features::FEATURE_CHANNELS;
+use sspc_core::parameters::Form;
 
 pub(crate) const NETWORK_GRAPH: &str = "sspc_network";
 /// Keeps gamma finite and tau above 0 (method, activations).
@@ -22,7 +23,7 @@ const IR_VERSION: i64 = 8;
 pub fn write_network(model: &Model) -> Vec<u8> {
     let form = model.contract.form;
     let mut graph = GraphBuilder::new(NETWORK_GRAPH);
-    graph.input("features", data_type::FLOAT, &planes(INPUT_CHANNELS.len()));
+    graph.input("features", data_type::FLOAT, &planes(FEATURE_CHANNELS));
     graph.output("parameters", data_type::FLOAT, &planes(form.parameters()));
     let parts = activated_parts(&mut graph, model, "features");
     let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
@@ -83,20 +84,18 @@ fn softplus(graph: &mut GraphBuilder, x: &str, output: &str) -> String {
 }
 
 fn convolutions(graph: &mut GraphBuilder, model: &Model, features: &str) -> String {
-    let last = model.contract.shape.layers;
+    let shape = model.contract.shape;
     let mut value = features.to_string();
-    for (index, layer) in model.layers().enumerate() {
-        let name = layer_name(index);
-        let weight = graph.floats(
-            &format!("{name}.weight"),
-            &[layer.output, layer.input, 3, 3],
-            layer.weight,
-        );
-        let bias = graph.floats(&format!("{name}.bias"), &[layer.output], layer.bias);
+    for l in 0..shape.layers {
+        let name = layer_name(l);
+        let (inputs, outputs) = shape.channels(l);
+        let (weight, bias) = model.layer(l);
+        let weight = graph.floats(&format!("{name}.weight"), &[outputs, inputs, 3, 3], weight);
+        let bias = graph.floats(&format!("{name}.bias"), &[outputs], bias);
         let attributes = vec![ints("kernel_shape", &[3, 3]), ints("pads", &[1, 1, 1, 1])];
         value = graph.op_with("Conv", &[&value, &weight, &bias], &name, attributes);
-        if index < last {
-            value = graph.op("Relu", &[&value], &format!("relu{index}"));
+        if l + 1 < shape.layers {
+            value = graph.op("Relu", &[&value], &format!("relu{l}"));
         }
     }
     value

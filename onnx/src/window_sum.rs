@@ -6,11 +6,7 @@
 //! read by tract; unrolling all of them takes gigabytes.
 
 use crate::builder::{Dim, GraphBuilder, int, ints, subgraph};
-use crate::contract::WINDOW_RADIUS;
 use crate::messages::{GraphProto, data_type};
-
-/// Width of the window, 19 pixels.
-const WIDTH: usize = 2 * WINDOW_RADIUS + 1;
 
 /// What the weights compare, in the contract's bandwidth order rho, n, v, y, z.
 struct Term {
@@ -35,8 +31,8 @@ const TERMS: [Term; 5] = [
 /// From the values `rho`, `n`, `v`, `y`, `z`, the five `minus_gamma_*` and `tau` in `graph`, adds
 /// `weight_sum` = sum w_i `[N, 1, H, W]` and, for rho, n, y and z, `*_sum` = sum w_i x_i
 /// `[N, 3, H, W]` over the window (Eq. 11, tau at the centre).
-pub(crate) fn add_window_sums(graph: &mut GraphBuilder) {
-    mirrored_indices(graph);
+pub(crate) fn add_window_sums(graph: &mut GraphBuilder, radius: usize) {
+    mirrored_indices(graph, radius);
     for term in &TERMS {
         let padded = format!("{}_wide", term.value);
         graph.op_with("Gather", &[term.value, "column_indices"], &padded, vec![int("axis", 3)]);
@@ -45,7 +41,7 @@ pub(crate) fn add_window_sums(graph: &mut GraphBuilder) {
     graph.op("ConstantOfShape", &["colour_shape"], "colour_zeros");
     graph.op("Shape", &["tau"], "weight_shape");
     graph.op("ConstantOfShape", &["weight_shape"], "weight_zeros");
-    let centre: Vec<bool> = (0..WIDTH).map(|row| row == WINDOW_RADIUS).collect();
+    let centre: Vec<bool> = (0..=2 * radius).map(|row| row == radius).collect();
     graph.bools("row_is_centre", &centre);
 
     let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
@@ -54,20 +50,20 @@ pub(crate) fn add_window_sums(graph: &mut GraphBuilder) {
     let mut outputs: Vec<String> = summed.iter().map(|t| format!("{}_sum", t.value)).collect();
     outputs.push("weight_sum".into());
     let outputs: Vec<&str> = outputs.iter().map(String::as_str).collect();
-    let attributes = vec![subgraph("body", row_body()), int("num_scan_inputs", 2)];
+    let attributes = vec![subgraph("body", row_body(radius)), int("num_scan_inputs", 2)];
     graph.node("Scan", &inputs, &outputs, attributes);
 }
 
-/// `column_indices` `[W + 18]`: the pixel that a padded column shows, mirrored at the borders with
-/// the edge pixel repeated, as often as a small image needs. `window_rows` `[19, H]`: for each row
+/// `column_indices` `[W + 2 radius]`: the pixel that a padded column shows, mirrored at the borders with
+/// the edge pixel repeated, as often as a small image needs. `window_rows` `[2 radius + 1, H]`: for each row
 /// of the window the image row that each pixel sees.
-fn mirrored_indices(graph: &mut GraphBuilder) {
+fn mirrored_indices(graph: &mut GraphBuilder, radius: usize) {
     graph.op("Shape", &["y"], "image_shape");
     graph.ints("i_zero", &[], &[0]);
     graph.ints("i_one", &[], &[1]);
     graph.ints("i_two", &[], &[2]);
-    graph.ints("radius", &[], &[WINDOW_RADIUS as i64]);
-    graph.ints("two_radii", &[], &[2 * WINDOW_RADIUS as i64]);
+    graph.ints("radius", &[], &[radius as i64]);
+    graph.ints("two_radii", &[], &[2 * radius as i64]);
     for (axis, name) in [(2, "row"), (3, "column")] {
         let n = |part: &str| format!("{name}_{part}");
         let axis = graph.ints(&n("axis"), &[], &[axis]);
@@ -85,15 +81,16 @@ fn mirrored_indices(graph: &mut GraphBuilder) {
         let backward = graph.op("Sub", &[&turn, &forward], &n("backward"));
         graph.op("Min", &[&forward, &backward], &n("indices"));
     }
-    graph.ints("window_offsets", &[WIDTH, 1], &(0..WIDTH as i64).collect::<Vec<_>>());
+    let offsets: Vec<i64> = (0..=2 * radius as i64).collect();
+    graph.ints("window_offsets", &[offsets.len(), 1], &offsets);
     graph.op("Range", &["i_zero", "row_size", "i_one"], "image_rows");
     graph.op("Add", &["window_offsets", "image_rows"], "padded_rows");
     graph.op("Gather", &["row_indices", "padded_rows"], "window_rows");
 }
 
-/// One row of the window: 19 columns, unrolled. State: the sums; scanned: a row of `window_rows`
+/// One row of the window, its columns unrolled. State: the sums; scanned: a row of `window_rows`
 /// and of `row_is_centre`; everything else is seen from the graph around it.
-fn row_body() -> GraphProto {
+fn row_body(radius: usize) -> GraphProto {
     let mut body = GraphBuilder::new("window_row");
     let free = |channels| [Dim::Named("n"), Dim::Size(channels), Dim::Named("h"), Dim::Named("w")];
     let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
@@ -113,13 +110,13 @@ fn row_body() -> GraphProto {
     }
     let mut sums: Vec<String> = summed.iter().map(|t| format!("{}_sum_in", t.value)).collect();
     let mut weight_sum = String::from("weight_sum_in");
-    for column in 0..WIDTH {
+    for column in 0..=2 * radius {
         let name = |part: &str| match column {
-            last if last == WIDTH - 1 => format!("{part}_out"),
+            last if last == 2 * radius => format!("{part}_out"),
             _ => format!("{part}_{column}"),
         };
-        let taps = shifted(&mut body, column);
-        let weight = tap_weight(&mut body, column, &taps);
+        let taps = shifted(&mut body, column, radius);
+        let weight = tap_weight(&mut body, column, column == radius, &taps);
         for (sum, term) in sums.iter_mut().zip(&summed) {
             let tap = format!("{}_tap_{column}", term.value);
             let product =
@@ -136,10 +133,10 @@ fn row_body() -> GraphProto {
 }
 
 /// The row of every term shifted to `column` of the window: names in the order of [`TERMS`].
-fn shifted(body: &mut GraphBuilder, column: usize) -> Vec<String> {
+fn shifted(body: &mut GraphBuilder, column: usize, radius: usize) -> Vec<String> {
     let start = body.ints(&format!("start_{column}"), &[1], &[column as i64]);
     // The end counted from the right, so that it does not depend on the image's width.
-    let end = match column as i64 - (WIDTH as i64 - 1) {
+    let end = match column as i64 - 2 * radius as i64 {
         0 => i64::MAX,
         negative => negative,
     };
@@ -155,7 +152,12 @@ fn shifted(body: &mut GraphBuilder, column: usize) -> Vec<String> {
 }
 
 /// w_i of Eq. 11 for the pixels of one column of the window; tau where i = c.
-fn tap_weight(body: &mut GraphBuilder, column: usize, taps: &[String]) -> String {
+fn tap_weight(
+    body: &mut GraphBuilder,
+    column: usize,
+    centre: bool,
+    taps: &[String],
+) -> String {
     let mut exponent: Option<String> = None;
     for (term, tap) in TERMS.iter().zip(taps) {
         let name = |part: &str| format!("{}_{part}_{column}", term.value);
@@ -178,7 +180,7 @@ fn tap_weight(body: &mut GraphBuilder, column: usize, taps: &[String]) -> String
     }
     let exponent = exponent.expect("there are terms");
     let weight = body.op("Exp", &[&exponent], &format!("weight_{column}"));
-    if column == WINDOW_RADIUS {
+    if centre {
         return body.op("Where", &["is_centre", "tau", &weight], "centre_weight");
     }
     weight
