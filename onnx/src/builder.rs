@@ -13,6 +13,8 @@ pub(crate) struct GraphBuilder {
 pub(crate) enum Dim {
     Size(usize),
     Named(&'static str),
+    /// Neither a size nor a name: it follows from what is fed.
+    Free,
 }
 
 impl GraphBuilder {
@@ -99,10 +101,11 @@ fn value_info(name: &str, kind: i32, dims: &[Dim]) -> ValueInfoProto {
     let dim = dims
         .iter()
         .map(|dim| match *dim {
-            Dim::Size(size) => DimensionValue::Size(size as i64),
-            Dim::Named(name) => DimensionValue::Name(name.to_string()),
+            Dim::Size(size) => Some(DimensionValue::Size(size as i64)),
+            Dim::Named(name) => Some(DimensionValue::Name(name.to_string())),
+            Dim::Free => None,
         })
-        .map(|value| Dimension { value: Some(value) })
+        .map(|value| Dimension { value })
         .collect();
     let tensor = TensorType { elem_type: Some(kind), shape: Some(TensorShapeProto { dim }) };
     ValueInfoProto {
@@ -127,6 +130,22 @@ pub(crate) fn ints(name: &str, values: &[i64]) -> AttributeProto {
         name: Some(name.into()),
         ints: values.to_vec(),
         r#type: Some(AttributeType::Ints as i32),
+        ..Default::default()
+    }
+}
+
+/// An attribute that is a tensor of one float32.
+pub(crate) fn tensor(name: &str, value: f32) -> AttributeProto {
+    let tensor = TensorProto {
+        dims: vec![1],
+        data_type: Some(data_type::FLOAT),
+        raw_data: Some(value.to_le_bytes().to_vec()),
+        ..Default::default()
+    };
+    AttributeProto {
+        name: Some(name.into()),
+        t: Some(tensor),
+        r#type: Some(AttributeType::Tensor as i32),
         ..Default::default()
     }
 }

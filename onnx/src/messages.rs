@@ -71,6 +71,8 @@ pub struct AttributeProto {
     pub name: Option<String>,
     #[prost(int64, optional, tag = "3")]
     pub i: Option<i64>,
+    #[prost(message, optional, tag = "5")]
+    pub t: Option<TensorProto>,
     #[prost(message, optional, tag = "6")]
     pub g: Option<GraphProto>,
     // ONNX fixes proto2's rule for this field: not packed.
@@ -85,6 +87,7 @@ pub struct AttributeProto {
 pub enum AttributeType {
     Undefined = 0,
     Int = 2,
+    Tensor = 4,
     Graph = 5,
     Ints = 7,
 }
@@ -110,6 +113,7 @@ pub struct TensorProto {
 /// TensorProto.DataType values in use.
 pub mod data_type {
     pub const FLOAT: i32 = 1;
+    pub const INT32: i32 = 6;
     pub const INT64: i32 = 7;
     pub const BOOL: i32 = 9;
 }

@@ -5,7 +5,7 @@
 //! and memory stays at a few planes. Loops over all 361 offsets are slower in onnxruntime and not
 //! read by tract; unrolling all of them takes gigabytes.
 
-use crate::builder::{Dim, GraphBuilder, int, ints, subgraph};
+use crate::builder::{Dim, GraphBuilder, int, ints, subgraph, tensor};
 use crate::messages::{GraphProto, data_type};
 
 /// What the weights compare, in the contract's bandwidth order rho, n, v, y, z.
@@ -37,10 +37,13 @@ pub(crate) fn add_window_sums(graph: &mut GraphBuilder, radius: usize) {
         let padded = format!("{}_wide", term.value);
         graph.op_with("Gather", &[term.value, "column_indices"], &padded, vec![int("axis", 3)]);
     }
-    graph.op("Shape", &["y"], "colour_shape");
-    graph.op("ConstantOfShape", &["colour_shape"], "colour_zeros");
-    graph.op("Shape", &["tau"], "weight_shape");
-    graph.op("ConstantOfShape", &["weight_shape"], "weight_zeros");
+    for (like, shape, zeros) in
+        [("y", "colour_shape", "colour_zeros"), ("tau", "weight_shape", "weight_zeros")]
+    {
+        graph.op("Shape", &[like], shape);
+        // The value is ONNX's default, but tract 0.23 takes that default for float64.
+        graph.op_with("ConstantOfShape", &[shape], zeros, vec![tensor("value", 0.0)]);
+    }
     let centre: Vec<bool> = (0..=2 * radius).map(|row| row == radius).collect();
     graph.bools("row_is_centre", &centre);
 
@@ -85,20 +88,25 @@ fn mirrored_indices(graph: &mut GraphBuilder, radius: usize) {
     graph.ints("window_offsets", &[offsets.len(), 1], &offsets);
     graph.op("Range", &["i_zero", "row_size", "i_one"], "image_rows");
     graph.op("Add", &["window_offsets", "image_rows"], "padded_rows");
-    graph.op("Gather", &["row_indices", "padded_rows"], "window_rows");
+    graph.op("Gather", &["row_indices", "padded_rows"], "long_window_rows");
+    // tract keeps whatever comes from a Shape in its own type of dimensions, which does not go
+    // through a Scan as int64.
+    let to = vec![int("to", data_type::INT32 as i64)];
+    graph.op_with("Cast", &["long_window_rows"], "window_rows", to);
 }
 
 /// One row of the window, its columns unrolled. State: the sums; scanned: a row of `window_rows`
 /// and of `row_is_centre`; everything else is seen from the graph around it.
 fn row_body(radius: usize) -> GraphProto {
     let mut body = GraphBuilder::new("window_row");
-    let free = |channels| [Dim::Named("n"), Dim::Size(channels), Dim::Named("h"), Dim::Named("w")];
+    // Free, not named: tract takes names inside and outside the body for different sizes.
+    let free = |channels| [Dim::Free, Dim::Size(channels), Dim::Free, Dim::Free];
     let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
     for term in &summed {
         body.input(&format!("{}_sum_in", term.value), data_type::FLOAT, &free(3));
     }
     body.input("weight_sum_in", data_type::FLOAT, &free(1));
-    body.input("rows", data_type::INT64, &[Dim::Named("h")]);
+    body.input("rows", data_type::INT32, &[Dim::Free]);
     body.input("is_centre", data_type::BOOL, &[]);
 
     body.ints("shift_axis", &[1], &[3]);
