@@ -1,5 +1,6 @@
 //! The method of self-supervised post-correction, apart from any learning framework.
 
+pub mod corrector;
 pub mod error;
 pub mod features;
 pub mod frame;

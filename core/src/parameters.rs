@@ -53,7 +53,15 @@ impl Form {
 /// Activates planar outputs `[form.parameters(), pixels]` in place.
 pub fn activate(isa: Isa, form: Form, values: &mut [f32]) {
     assert_eq!(values.len() % form.parameters(), 0, "whole planes of parameters");
-    dispatch(isa, Activate { form, values });
+    let pixels = (values.len() / form.parameters()).max(1);
+    for (channel, plane) in values.chunks_exact_mut(pixels).enumerate() {
+        activate_plane(isa, channel, plane);
+    }
+}
+
+/// Activates one plane of parameter `channel` in place.
+pub fn activate_plane(isa: Isa, channel: usize, values: &mut [f32]) {
+    dispatch(isa, ActivatePlane { channel, values });
 }
 
 /// Turns the gradient of activated parameters into that of the outputs `raw`, in place.
@@ -142,21 +150,18 @@ unsafe fn for_vectors<S: Simd>(raw: &[f32], out: &mut [f32], f: impl Fn(S::F, S:
     }
 }
 
-struct Activate<'a> {
-    form: Form,
+struct ActivatePlane<'a> {
+    channel: usize,
     values: &'a mut [f32],
 }
 
-impl Kernel for Activate<'_> {
+impl Kernel for ActivatePlane<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<S: Simd>(self) {
-        let pixels = self.values.len() / self.form.parameters();
-        for (channel, plane) in self.values.chunks_exact_mut(pixels.max(1)).enumerate() {
-            let raw = plane.to_vec();
-            // SAFETY: `for_vectors` stays inside its two slices of one length.
-            unsafe { for_vectors::<S>(&raw, plane, |o, _| activation::<S>(channel, o).0) }
-        }
+        let raw = self.values.to_vec();
+        // SAFETY: `for_vectors` stays inside its two slices of one length.
+        unsafe { for_vectors::<S>(&raw, self.values, |o, _| activation::<S>(self.channel, o).0) }
     }
 }
 

@@ -1,0 +1,3 @@
+//! Fits the corrector to a frame or a shot with Burn.
+
+pub mod operation;

@@ -8,6 +8,7 @@
 mod conv;
 pub mod oracle;
 mod planes;
+pub mod start;
 mod trunk;
 
 pub use trunk::{Activations, backward, forward, run};
