@@ -2,7 +2,10 @@
 
 pub mod corrector;
 pub mod error;
+pub mod estimate;
 pub mod features;
+pub mod fill;
+pub mod finish;
 pub mod frame;
 pub mod gc;
 pub mod image;
@@ -14,3 +17,4 @@ pub mod parameters;
 pub mod prepare;
 pub mod rng;
 pub mod simd;
+pub mod smooth;

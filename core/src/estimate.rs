@@ -1,0 +1,121 @@
+//! What a frame says of its own error, without a reference.
+//!
+//! For a correction μ̂^a that never saw y^b, ‖μ̂^a - y^b‖² - σ²(y^b) is an unbiased estimate of the
+//! squared error (Eq. 8 with its variance term); ½ (y^a - y^b)² is an unbiased σ² of one half. Both
+//! halves' estimates give that of their mean through
+//! ‖½(p + q) - μ‖² = ½‖p - μ‖² + ½‖q - μ‖² - ¼‖p - q‖².
+
+use crate::features::RADIANCE;
+use crate::image::Image;
+use crate::objective::relative_weight;
+use crate::prepare::Prepared;
+
+/// Side of the blocks whose scatter gives a standard error: noise is nearly independent between them.
+const BLOCK: usize = 16;
+
+/// A mean over the picture and its standard error.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Mean {
+    pub value: f64,
+    pub standard_error: f64,
+}
+
+/// Self-supervised loss (Eq. 9) over the whole picture and both halves.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Losses {
+    pub denoised: f64,
+    pub corrected: f64,
+}
+
+/// Estimated relL2 of the mean of both halves, in the frame's exposure.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Estimate {
+    pub denoised: Mean,
+    pub corrected: Mean,
+}
+
+/// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units.
+pub fn loss(prepared: &Prepared, pair: &[Image]) -> f64 {
+    mean_of_pixels(prepared, |i, weights| {
+        (0..2).map(|h| 0.5 * f64::from(weights[h][i]) * squared_to(prepared, &pair[h], h, i)).sum()
+    })
+    .value
+}
+
+/// Unbiased estimate of how much smaller the error of `after` is than that of `before`:
+/// L̂(before) - L̂(after), which needs no variance.
+pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image]) -> Mean {
+    mean_of_pixels(prepared, |i, weights| {
+        (0..2)
+            .map(|h| {
+                let other = &prepared.halves[1 - h];
+                let product: f64 = (0..3)
+                    .map(|k| {
+                        let (p, q) = (f64::from(before[h].plane(k)[i]), f64::from(after[h].plane(k)[i]));
+                        let y = f64::from(other.plane(RADIANCE + k)[i]);
+                        // (p - y)² - (q - y)² without the cancellation of two large squares.
+                        (p - q) * (p + q - 2.0 * y)
+                    })
+                    .sum();
+                0.5 * f64::from(weights[h][i]) * product
+            })
+            .sum()
+    })
+}
+
+/// Estimated relL2 of the mean of a pair of denoised and of a pair of corrected halves.
+pub fn estimate(prepared: &Prepared, denoised: &[Image], corrected: &[Image]) -> Estimate {
+    let of = |pair: &[Image]| {
+        mean_of_pixels(prepared, |i, weights| {
+            let mut sum = 0.0;
+            for h in 0..2 {
+                sum += 0.5 * f64::from(weights[h][i]) * (squared_to(prepared, &pair[h], h, i) - variance(prepared, i));
+            }
+            let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
+            sum - 0.25 * 0.5 * f64::from(weights[0][i] + weights[1][i]) * apart
+        })
+    };
+    Estimate { denoised: of(denoised), corrected: of(corrected) }
+}
+
+/// ‖x - y‖² at pixel i, y of the half that x of half `h` is compared with.
+fn squared_to(prepared: &Prepared, x: &Image, h: usize, i: usize) -> f64 {
+    let other = &prepared.halves[1 - h];
+    (0..3).map(|k| f64::from(x.plane(k)[i] - other.plane(RADIANCE + k)[i]).powi(2)).sum()
+}
+
+/// 1ᵀσ² of y of one half at pixel i.
+fn variance(prepared: &Prepared, i: usize) -> f64 {
+    let y = |h: usize, k: usize| prepared.halves[h].plane(RADIANCE + k)[i];
+    (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum()
+}
+
+/// Mean over valid pixels and three channels, with a standard error from the scatter of blocks.
+fn mean_of_pixels(prepared: &Prepared, value: impl Fn(usize, &[&[f32]; 2]) -> f64) -> Mean {
+    let (height, width) = (prepared.height(), prepared.width());
+    // The weights for half h come from the other half.
+    let weights = [1, 0].map(|other| relative_weight(&prepared.halves[other], prepared.valid.as_ref()));
+    let weights = [weights[0].plane(0), weights[1].plane(0)];
+    let mut blocks: Vec<(f64, f64)> = Vec::new();
+    for top in (0..height).step_by(BLOCK) {
+        for left in (0..width).step_by(BLOCK) {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for y in top..(top + BLOCK).min(height) {
+                for x in left..(left + BLOCK).min(width) {
+                    let i = y * width + x;
+                    if prepared.is_valid(i) {
+                        sum += value(i, &weights);
+                        count += 3.0;
+                    }
+                }
+            }
+            blocks.push((sum, count));
+        }
+    }
+    let count: f64 = blocks.iter().map(|b| b.1).sum();
+    let mean = if count > 0.0 { blocks.iter().map(|b| b.0).sum::<f64>() / count } else { 0.0 };
+    let scatter: f64 = blocks.iter().map(|(sum, n)| (sum - mean * n).powi(2)).sum();
+    let n = blocks.len() as f64;
+    let standard_error = if n > 1.0 && count > 0.0 { (scatter * n / (n - 1.0)).sqrt() / count } else { f64::INFINITY };
+    Mean { value: mean, standard_error }
+}

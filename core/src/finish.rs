@@ -1,0 +1,165 @@
+//! From parameters to the finished picture: both halves corrected, judged against each other, and
+//! the correction added to the denoiser's picture where it helps.
+//!
+//! **Judging.** With d = μ̂^a - z^a and r = y^b - z^a, E\[r·d\] is the part of the true error that the
+//! correction takes away (y^b is unbiased and independent of d), so s = Σ r·d / Σ d², summed with the
+//! loss's weights over a neighbourhood and both halves, is the best share of the correction there.
+//! Noise of y^b makes the first sum uncertain; the correction is cut back only as far as its sum
+//! says by more than one standard error, since the network was already trained not to overdo it.
+//!
+//! **Full buffer.** The correction that is applied is that of g_c with each half's parameters and
+//! y, but z and features of the full buffer: parameters and y^a never saw y^b, so the reasoning that
+//! trained them holds, and the picture starts from the better z.
+
+use crate::corrector::correct;
+use crate::estimate::{self, Estimate, Losses};
+use crate::features::{DENOISED, Windows};
+use crate::frame::Frame;
+use crate::gc::Taps;
+use crate::image::Image;
+use crate::objective::{relative_weight, triple};
+use crate::parameters::Form;
+use crate::prepare::Prepared;
+use crate::smooth::box_mean;
+use crate::simd::Isa;
+
+/// Radius of the neighbourhood that judges a pixel; two box means of this radius.
+const JUDGE_RADIUS: usize = 15;
+/// Standard errors by which a share must be below 1 before it counts.
+const JUDGE_DOUBT: f64 = 1.0;
+/// Pixels that two box means of radius R weigh together: their kernel's 1 / Σk².
+const JUDGE_SAMPLES: f64 = 2.25 * ((2 * JUDGE_RADIUS + 1) * (2 * JUDGE_RADIUS + 1)) as f64;
+
+/// A finished picture and what the frame itself says of it.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    /// What is added to the denoiser's picture, in the method's units, `[3, H, W]`.
+    pub correction: Image,
+    /// Share of the correction that was kept, 0..1, `[1, H, W]`.
+    pub share: Image,
+    /// Self-supervised loss, both halves, whole picture.
+    pub loss: Losses,
+    /// Estimated relL2, variance term included.
+    pub estimate: Estimate,
+    /// Why the output is the denoiser's everywhere, if it is.
+    pub fallback: Option<String>,
+}
+
+/// Corrects both halves with their activated parameters `[P, H, W]` and finishes the picture.
+pub fn finish(isa: Isa, form: Form, taps: &Taps, prepared: &Prepared, parameters: [&Image; 2]) -> Finished {
+    let valid = prepared.valid.as_ref();
+    let halves: Vec<Image> = (0..2)
+        .map(|h| {
+            let windows = Windows::new(&prepared.halves[h], valid, prepared.set, taps.radius());
+            correct(isa, form, &windows, taps, parameters[h])
+        })
+        .collect();
+    let mut correction = Image::zeros(3, prepared.height(), prepared.width());
+    for h in 0..2 {
+        let windows = Windows::new(&prepared.with_full_buffer(h), valid, prepared.set, taps.radius());
+        let full = correct(isa, form, &windows, taps, parameters[h]);
+        for ((c, x), z) in correction.data_mut().iter_mut().zip(full.data()).zip(prepared.denoised.data()) {
+            *c += 0.5 * (x - z);
+        }
+    }
+    let evidence = Evidence::of(prepared, &halves);
+    let share = evidence.share();
+    let blended: Vec<Image> = (0..2).map(|h| blend(prepared, &halves[h], &share, h)).collect();
+    let denoised: Vec<Image> = (0..2).map(|h| triple(&prepared.halves[h], DENOISED)).collect();
+    let loss = Losses { denoised: estimate::loss(prepared, &denoised), corrected: estimate::loss(prepared, &blended) };
+    let gain = estimate::gain(prepared, &denoised, &blended);
+    let fallback = (gain.value <= 0.0).then(|| {
+        format!("the self-supervised loss does not fall: gain {:.3e} ± {:.1e}", gain.value, gain.standard_error)
+    });
+    let estimate = estimate::estimate(prepared, &denoised, if fallback.is_some() { &denoised } else { &blended });
+    let pixels = share.pixels();
+    for (i, c) in correction.data_mut().iter_mut().enumerate() {
+        let keep = fallback.is_none() && prepared.is_valid(i % pixels);
+        *c = if keep { *c * share.data()[i % pixels] } else { 0.0 };
+    }
+    Finished { correction, share, loss, estimate, fallback }
+}
+
+/// The finished picture in the frame's own units: the denoiser's picture, bit for bit, wherever
+/// nothing is added; missing pixels are filled from what is valid.
+pub fn picture(frame: &Frame, prepared: &Prepared, finished: &Finished) -> Image {
+    let mean;
+    let base = match &frame.denoised {
+        Some(full) => full,
+        None => {
+            mean = Image::mean_of(&frame.a.denoised, &frame.b.denoised);
+            &mean
+        }
+    };
+    let inverse = 1.0 / prepared.exposure;
+    let mut out = base.clone();
+    for (x, c) in out.data_mut().iter_mut().zip(finished.correction.data()) {
+        if *c != 0.0 {
+            *x = (x.max(0.0) + c * inverse).max(0.0);
+        }
+    }
+    if prepared.valid.is_some() {
+        crate::fill::fill_missing(&mut out, frame);
+    }
+    out
+}
+
+/// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
+struct Evidence {
+    /// Σ w r·d
+    agreement: Image,
+    /// Σ w d²
+    size: Image,
+}
+
+impl Evidence {
+    fn of(prepared: &Prepared, halves: &[Image]) -> Self {
+        let (height, width) = (prepared.height(), prepared.width());
+        let mut agreement = Image::zeros(1, height, width);
+        let mut size = Image::zeros(1, height, width);
+        for h in 0..2 {
+            let (own, other) = (&prepared.halves[h], &prepared.halves[1 - h]);
+            let weight = relative_weight(other, prepared.valid.as_ref());
+            for k in 0..3 {
+                let z = own.plane(DENOISED + k);
+                for i in 0..height * width {
+                    let d = halves[h].plane(k)[i] - z[i];
+                    let r = other.plane(k)[i] - z[i];
+                    agreement.data_mut()[i] += weight.data()[i] * r * d;
+                    size.data_mut()[i] += weight.data()[i] * d * d;
+                }
+            }
+        }
+        Self { agreement, size }
+    }
+
+    /// min(1, (Σ w r·d + standard error) / Σ w d²), floored at 0.
+    fn share(&self) -> Image {
+        let squared = self.agreement.data().iter().map(|v| v * v).collect();
+        let squared = Image::from_planes(1, self.size.height(), self.size.width(), squared);
+        let pool = |image: &Image| box_mean(&box_mean(image, JUDGE_RADIUS), JUDGE_RADIUS);
+        let (agreement, size, squared) = (pool(&self.agreement), pool(&self.size), pool(&squared));
+        Image::from_fn(1, size.height(), size.width(), |_, y, x| {
+            let d = f64::from(size.at(0, y, x));
+            if d <= 0.0 {
+                return 0.0;
+            }
+            let error = (f64::from(squared.at(0, y, x)).max(0.0) / JUDGE_SAMPLES).sqrt();
+            ((f64::from(agreement.at(0, y, x)) + JUDGE_DOUBT * error) / d).clamp(0.0, 1.0) as f32
+        })
+    }
+}
+
+/// z + share (μ̂ - z) of half `h`.
+fn blend(prepared: &Prepared, corrected: &Image, share: &Image, h: usize) -> Image {
+    let pixels = share.pixels();
+    let mut out = corrected.clone();
+    for k in 0..3 {
+        let z = prepared.halves[h].plane(DENOISED + k);
+        for i in 0..pixels {
+            let x = &mut out.plane_mut(k)[i];
+            *x = (z[i] + share.data()[i] * (*x - z[i])).max(0.0);
+        }
+    }
+    out
+}
