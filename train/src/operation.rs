@@ -42,7 +42,7 @@ use ndarray::NdArray;
 
 fn values<B: Backend>(tensor: FloatTensor<B>) -> Vec<f32> {
     let data = try_read_sync(B::float_into_data(tensor)).expect("CPU backends answer at once").expect("tensor data");
-    data.into_vec::<f32>().expect("f32 tensors")
+    data.try_into_vec::<f32>().expect("f32 tensors")
 }
 
 fn run<B: Backend>(input: FloatTensor<B>, operation: &Arc<dyn Operation>) -> (FloatTensor<B>, Pullback) {

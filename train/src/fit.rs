@@ -1,0 +1,165 @@
+//! The fit loop: tiles, loss, backward, Adam.
+
+use crate::backend::Backend;
+use crate::model::{Corrector, TileBatch, to_vec};
+use crate::preset::{Rate, Settings, Start};
+use crate::tiles::Schedule;
+use burn::optim::{AdamConfig, GradientsParams};
+use sspc_core::features::RADIANCE;
+use sspc_core::gc::Taps;
+use sspc_core::network::{Network, start};
+use sspc_core::objective::Objective;
+use sspc_core::prepare::Prepared;
+use sspc_core::rng::Rng;
+use sspc_core::simd::Isa;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What the caller decides beside the settings.
+#[derive(Clone, Debug, Default)]
+pub struct Limits {
+    /// Steps instead of the preset's.
+    pub steps: Option<usize>,
+    /// Training ends after the step during which this much time has passed.
+    pub time: Option<Duration>,
+}
+
+/// One step, as told to the observer.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Step {
+    /// From 1.
+    pub step: usize,
+    pub of: usize,
+    /// Mean loss of the step's tiles.
+    pub loss: f64,
+    pub rate: f64,
+    pub seconds: f64,
+}
+
+/// Whether to go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    Continue,
+    Stop,
+}
+
+/// Why training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum End {
+    AllSteps,
+    TimeLimit,
+    Interrupted,
+}
+
+/// A fitted network and how it came about.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    pub network: Network,
+    pub history: Vec<Step>,
+    /// Steps whose loss or gradient was not finite: their update was left out.
+    pub dropped: usize,
+    pub end: End,
+    pub seconds: f64,
+}
+
+/// The network that training of `settings` starts from.
+pub fn starting_network(settings: &Settings) -> Network {
+    let rng = &mut Rng::new(settings.seed);
+    match settings.start {
+        Start::Random => start::paper(settings.shape, rng),
+        Start::Analytic { gate } => start::analytic(settings.shape, gate, rng),
+    }
+}
+
+/// The objective of one frame under `settings`.
+pub fn objective(prepared: &Prepared, settings: &Settings) -> Arc<Objective> {
+    Arc::new(Objective::new(prepared, settings.form, Taps::square(settings.radius), prepared.set))
+}
+
+/// 0.01 · √mean((y^a - y^b)² / 4) and the like: the paper's learning rate from the frame's noise.
+pub fn noise_scaled_rate(factor: f64, prepared: &[&Prepared]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for p in prepared {
+        for k in RADIANCE..RADIANCE + 3 {
+            for (a, b) in p.halves[0].plane(k).iter().zip(p.halves[1].plane(k)) {
+                sum += f64::from(a - b).powi(2) / 4.0;
+                count += 1.0;
+            }
+        }
+    }
+    factor * f64::sqrt(sum / f64::max(count, 1.0))
+}
+
+fn rate_at(settings: &Settings, noise_rate: f64, step: usize, steps: usize) -> f64 {
+    match settings.rate {
+        Rate::NoiseScaled { .. } => noise_rate,
+        Rate::Cosine { peak, warm_up } => {
+            let warm = ((step + 1) as f64 / warm_up.max(1) as f64).min(1.0);
+            let cosine = 0.5 * (1.0 + (std::f64::consts::PI * step as f64 / steps.max(1) as f64).cos());
+            peak * warm * cosine
+        }
+    }
+}
+
+/// Fits `initial` to one frame, or to several in turn. `observe` is told of every step and may end
+/// training; the network so far is returned then.
+pub fn fit(
+    prepared: &[&Prepared],
+    settings: &Settings,
+    initial: Network,
+    limits: &Limits,
+    backend: Backend,
+    isa: Isa,
+    mut observe: impl FnMut(&Step) -> Control,
+) -> Fitted {
+    let start = Instant::now();
+    let objectives: Vec<_> = prepared.iter().map(|p| objective(p, settings)).collect();
+    let mut schedules: Vec<Schedule> =
+        prepared.iter().map(|p| Schedule::new(settings, p.height(), p.width(), limits.steps)).collect();
+    let steps = match limits.steps {
+        Some(steps) => steps,
+        None => schedules.iter().map(Schedule::steps).max().unwrap_or(0),
+    };
+    let noise_rate = match settings.rate {
+        Rate::NoiseScaled { factor } => noise_scaled_rate(factor, prepared),
+        Rate::Cosine { .. } => 0.0,
+    };
+    let device = backend.device().autodiff();
+    let shape = initial.shape;
+    let mut model = Corrector::new(&initial, &device);
+    let mut optimiser = AdamConfig::new().with_epsilon(1e-8).init();
+    let (mut history, mut dropped, mut end) = (Vec::new(), 0, End::AllSteps);
+    for step in 0..steps {
+        let frame = step % objectives.len();
+        let batch = TileBatch {
+            objective: objectives[frame].clone(),
+            tiles: Arc::new(schedules[frame].next_batch()),
+            shape,
+            isa,
+        };
+        let loss = batch.loss(batch.outputs(model.weights()), settings.influence);
+        let value = f64::from(loss.clone().into_scalar::<f32>());
+        let rate = rate_at(settings, noise_rate, step, steps);
+        let gradients = GradientsParams::from_grads(loss.backward(), &model);
+        let finite = value.is_finite()
+            && gradients.get::<1>(model.id()).is_some_and(|g| to_vec(g).iter().all(|v| v.is_finite()));
+        if finite {
+            model = optimiser.step(rate, model, gradients);
+        } else {
+            dropped += 1;
+        }
+        let seconds = start.elapsed().as_secs_f64();
+        history.push(Step { step: step + 1, of: steps, loss: value, rate, seconds });
+        if observe(&history[step]) == Control::Stop {
+            end = End::Interrupted;
+            break;
+        }
+        if limits.time.is_some_and(|limit| start.elapsed() >= limit) && step + 1 < steps {
+            end = End::TimeLimit;
+            break;
+        }
+    }
+    let network = Network { shape, weights: model.to_vec() };
+    Fitted { network, history, dropped, end, seconds: start.elapsed().as_secs_f64() }
+}

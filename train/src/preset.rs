@@ -1,0 +1,130 @@
+//! Presets: how a corrector is started and trained.
+
+use sspc_core::gc::PAPER_RADIUS;
+use sspc_core::network::Shape;
+use sspc_core::parameters::Form;
+use sspc_core::prepare::Exposure;
+use std::fmt;
+
+/// Named settings of the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// The paper's network, start, patches, rate and 20 epochs.
+    Paper,
+    /// Half the steps of `balanced`.
+    Fast,
+    /// Starts near z plus a smoothed residual, trains on small tiles.
+    Balanced,
+    /// As `balanced`, with more steps.
+    Quality,
+}
+
+impl fmt::Display for Preset {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Preset::Paper => "paper",
+            Preset::Fast => "fast",
+            Preset::Balanced => "balanced",
+            Preset::Quality => "quality",
+        })
+    }
+}
+
+/// Where training starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Start {
+    /// Random weights, as in the paper.
+    Random,
+    /// g_c ≈ z + smoothed (y - z), and this gate towards z.
+    Analytic { gate: f64 },
+}
+
+/// Which tiles a step sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sampling {
+    /// Every patch of a grid of this stride once an epoch, in random order, both halves of each.
+    Grid { stride: usize },
+    /// Uniformly random places, half of them from each half buffer.
+    Random,
+}
+
+/// The learning rate over the steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rate {
+    /// `factor` · √mean((y^a - y^b)² / 4), constant (the paper's rule).
+    NoiseScaled { factor: f64 },
+    /// Linear warm-up to `peak`, then a half cosine to zero.
+    Cosine { peak: f64, warm_up: usize },
+}
+
+/// Everything that decides how a fit runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    pub preset: Preset,
+    pub form: Form,
+    pub shape: Shape,
+    pub radius: usize,
+    pub exposure: Exposure,
+    pub start: Start,
+    pub sampling: Sampling,
+    /// Side of a tile in pixels; smaller pictures are one tile.
+    pub tile: usize,
+    /// Tiles a step.
+    pub batch: usize,
+    pub rate: Rate,
+    /// Steps; for grids epochs decide instead.
+    pub steps: usize,
+    /// Epochs over a grid.
+    pub epochs: usize,
+    /// Weighted error norm from which a pixel's gradient is limited; infinite: never.
+    pub influence: f32,
+    /// Whether the picture is made from the full buffer and judged locally, or as in the paper the
+    /// mean of both corrected halves, as it is.
+    pub judged: bool,
+    pub seed: u64,
+}
+
+impl Settings {
+    pub fn of(preset: Preset, seed: u64) -> Self {
+        let steps = match preset {
+            Preset::Fast => 40,
+            Preset::Quality => 400,
+            Preset::Balanced | Preset::Paper => 100,
+        };
+        let ours = Settings {
+            preset,
+            form: Form::Gated,
+            shape: Shape::paper(Form::Gated),
+            radius: PAPER_RADIUS,
+            exposure: Exposure::Normalised,
+            start: Start::Analytic { gate: 0.7 },
+            sampling: Sampling::Random,
+            tile: 32,
+            batch: 16,
+            rate: Rate::Cosine { peak: 3e-3, warm_up: 10 },
+            steps,
+            epochs: 0,
+            influence: 1.0,
+            judged: true,
+            seed,
+        };
+        match preset {
+            Preset::Paper => Settings {
+                form: Form::Paper,
+                shape: Shape::paper(Form::Paper),
+                exposure: Exposure::AsIs,
+                start: Start::Random,
+                sampling: Sampling::Grid { stride: 64 },
+                tile: 128,
+                batch: 16,
+                rate: Rate::NoiseScaled { factor: 0.01 },
+                epochs: 20,
+                influence: f32::INFINITY,
+                judged: false,
+                ..ours
+            },
+            _ => ours,
+        }
+    }
+}

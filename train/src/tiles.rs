@@ -1,0 +1,124 @@
+//! Which tiles each step trains on.
+
+use crate::preset::{Sampling, Settings};
+use sspc_core::gc::Region;
+use sspc_core::objective::Tile;
+use sspc_core::rng::Rng;
+
+/// Batches of tiles of one picture, in the order they are trained on.
+pub struct Schedule {
+    steps: usize,
+    batch: usize,
+    height: usize,
+    width: usize,
+    tile: (usize, usize),
+    grid: Option<Grid>,
+    rng: Rng,
+}
+
+/// Places of an epoch that are still to come.
+struct Grid {
+    places: Vec<Region>,
+    left: Vec<Region>,
+}
+
+impl Schedule {
+    /// The schedule of `settings` for a picture; `steps` overrides the settings' own number.
+    pub fn new(settings: &Settings, height: usize, width: usize, steps: Option<usize>) -> Self {
+        let tile = (settings.tile.min(height), settings.tile.min(width));
+        let grid = match settings.sampling {
+            Sampling::Random => None,
+            Sampling::Grid { stride } => {
+                let (tops, lefts) = (positions(height, tile.0, stride), positions(width, tile.1, stride));
+                let places = tops
+                    .iter()
+                    .flat_map(|&top| lefts.iter().map(move |&left| Region { top, left, height: tile.0, width: tile.1 }))
+                    .collect();
+                Some(Grid { places, left: Vec::new() })
+            }
+        };
+        let of_epochs = |g: &Grid| settings.epochs * g.places.len().div_ceil(settings.batch);
+        let own = grid.as_ref().map_or(settings.steps, of_epochs);
+        Self {
+            steps: steps.unwrap_or(own),
+            batch: settings.batch,
+            height,
+            width,
+            tile,
+            grid,
+            rng: Rng::new(settings.seed ^ 0x7469_6C65),
+        }
+    }
+
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// Steps of one epoch; one where places are random.
+    pub fn epoch(&self) -> usize {
+        self.grid.as_ref().map_or(1, |g| g.places.len().div_ceil(self.batch))
+    }
+
+    /// The tiles of the next step.
+    pub fn next_batch(&mut self) -> Vec<Tile> {
+        let (rng, tile) = (&mut self.rng, self.tile);
+        match &mut self.grid {
+            None => (0..self.batch)
+                .map(|i| {
+                    let top = rng.below(self.height - tile.0 + 1);
+                    let left = rng.below(self.width - tile.1 + 1);
+                    Tile { half: i % 2, region: Region { top, left, height: tile.0, width: tile.1 } }
+                })
+                .collect(),
+            Some(grid) => {
+                if grid.left.is_empty() {
+                    grid.left.clone_from(&grid.places);
+                    rng.shuffle(&mut grid.left);
+                }
+                let from = grid.left.len().saturating_sub(self.batch);
+                let places = grid.left.split_off(from);
+                places.into_iter().flat_map(|region| (0..2).map(move |half| Tile { half, region })).collect()
+            }
+        }
+    }
+}
+
+/// Starts of tiles that cover 0..size: every `stride`, and one that ends at the border.
+fn positions(size: usize, tile: usize, stride: usize) -> Vec<usize> {
+    let mut starts: Vec<usize> = (0..=size - tile).step_by(stride).collect();
+    if starts.last() != Some(&(size - tile)) {
+        starts.push(size - tile);
+    }
+    starts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::preset::Preset;
+
+    #[test]
+    fn an_epoch_of_the_paper_visits_every_patch_of_both_halves_once() {
+        let settings = Settings::of(Preset::Paper, 1);
+        let mut schedule = Schedule::new(&settings, 360, 640, None);
+        assert_eq!(schedule.epoch(), 3);
+        assert_eq!(schedule.steps(), 60);
+        let mut seen = std::collections::HashMap::new();
+        for _ in 0..schedule.epoch() {
+            for tile in schedule.next_batch() {
+                *seen.entry((tile.half, tile.region.top, tile.region.left)).or_insert(0) += 1;
+            }
+        }
+        assert_eq!(seen.len(), 2 * 5 * 9);
+        assert!(seen.values().all(|n| *n == 1));
+    }
+
+    #[test]
+    fn tiles_stay_inside_pictures_smaller_than_a_tile() {
+        for preset in [Preset::Paper, Preset::Balanced] {
+            let mut schedule = Schedule::new(&Settings::of(preset, 1), 1, 7, None);
+            let tiles = schedule.next_batch();
+            assert!(tiles.iter().all(|t| t.region.height == 1 && t.region.width == 7));
+        }
+    }
+}
