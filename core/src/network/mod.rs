@@ -10,8 +10,10 @@ pub mod oracle;
 mod planes;
 pub mod start;
 mod trunk;
+mod window;
 
 pub use trunk::{Activations, backward, forward, run};
+pub use window::WindowNetwork;
 
 use crate::features::FEATURE_CHANNELS;
 use crate::parameters::Form;

@@ -1,0 +1,67 @@
+//! A tract plan of the network graph at one fixed window size.
+
+use super::fused::fuse;
+use sspc_core::features::FEATURE_CHANNELS;
+use sspc_core::image::Image;
+use sspc_core::network::WindowNetwork;
+use sspc_core::simd::Isa;
+use sspc_onnx::{Model, write_network};
+use std::sync::Arc;
+use tract_onnx::prelude::*;
+
+/// Whose arithmetic runs the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kernels {
+    /// Core's SIMD kernels as an operator of tract.
+    Fused(Isa),
+    /// tract's own operators: slower, to check against.
+    Tract,
+}
+
+/// tract did not take the graph, or failed to run it.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    #[error("tract cannot prepare the network for windows of {height}x{width}: {reason}")]
+    Prepare { height: usize, width: usize, reason: String },
+    #[error("tract failed to run the network: {reason}")]
+    Run { reason: String },
+}
+
+/// The runnable network.
+pub(super) struct Plan {
+    plan: Arc<TypedRunnableModel>,
+}
+
+impl Plan {
+    /// Prepares windows `[13, height, width]`. The graph is written anew from the checked model, so
+    /// tract never reads the bytes of a stranger's file.
+    pub fn new(model: &Model, kernels: Kernels, height: usize, width: usize) -> Result<Self, PlanError> {
+        let prepare = || -> TractResult<_> {
+            let bytes = write_network(model);
+            let mut graph = tract_onnx::onnx()
+                .model_for_read(&mut &bytes[..])?
+                .with_input_fact(0, f32::fact([1, FEATURE_CHANNELS, height, width]).into())?
+                .into_typed()?;
+            if let Kernels::Fused(isa) = kernels {
+                let network = WindowNetwork::new(isa, model.contract.form, &model.network());
+                fuse(&mut graph, Arc::new(network))?;
+            }
+            graph.into_optimized()?.into_runnable()
+        };
+        let plan = prepare().map_err(|e| PlanError::Prepare { height, width, reason: format!("{e:#}") })?;
+        Ok(Self { plan })
+    }
+
+    /// Activated parameters of one window, plane after plane.
+    pub fn run(&self, window: Image) -> Result<Vec<f32>, PlanError> {
+        let (height, width) = (window.height(), window.width());
+        let run = || -> TractResult<Vec<f32>> {
+            let shape = (1, FEATURE_CHANNELS, height, width);
+            let features = tract_ndarray::Array4::from_shape_vec(shape, window.into_data())?;
+            let outputs = self.plan.run(tvec!(features.into_tensor().into()))?;
+            let parameters = outputs[0].to_plain_array_view::<f32>()?;
+            Ok(parameters.iter().copied().collect())
+        };
+        run().map_err(|e| PlanError::Run { reason: format!("{e:#}") })
+    }
+}

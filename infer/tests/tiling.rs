@@ -1,0 +1,106 @@
+//! The tiling does not show, and the kernels agree with the f64 network and with tract's own.
+
+mod common;
+
+use common::{features, model, next};
+use sspc_core::image::Image;
+use sspc_core::network;
+use sspc_core::parameters::{Form, activation_f64};
+use sspc_core::simd::Isa;
+use sspc_infer::engine::tiles::TileGrid;
+use sspc_infer::engine::{Engine, Kernels};
+
+/// The first value that is off by more than the tolerance, relative to its plane's mean magnitude
+/// or its own, whichever is larger.
+fn assert_close(found: &Image, expected: &Image, what: &str) {
+    assert!(found.same_size(expected) && found.channels() == expected.channels(), "{what}: size");
+    for c in 0..expected.channels() {
+        let plane = expected.plane(c);
+        let mean = plane.iter().map(|v| f64::from(v.abs())).sum::<f64>() / plane.len() as f64;
+        for (i, (f, e)) in found.plane(c).iter().zip(plane).enumerate() {
+            let error = f64::from((f - e).abs()) / mean.max(f64::from(e.abs()));
+            let (y, x) = (i / expected.width(), i % expected.width());
+            assert!(error < NETWORK_TOLERANCE, "{what}: channel {c} at ({y}, {x}) is {f}, not {e}: {error:e}");
+        }
+    }
+}
+
+/// Nine layers of f32 sums of 144 terms each, then activations of slope <= 1 relative to their
+/// value: measured 3e-6, with room for other machines.
+const NETWORK_TOLERANCE: f64 = 1e-4;
+
+#[test]
+fn any_tile_size_gives_the_same_bits() {
+    let model = model(Form::Gated, 16, 9);
+    let mut state = 3;
+    let mut upto = |n: usize| 1 + (next(&mut state) * n as f32) as usize;
+    for isa in Isa::available() {
+        for _ in 0..12 {
+            let (height, width, tile) = (upto(70), upto(70), upto(40));
+            let features = features(height, width);
+            let run = |tile| Engine::new(model.clone(), Kernels::Fused(isa), tile).parameters(&features);
+            let (whole, tiled) = (run(height.max(width)).unwrap(), run(tile).unwrap());
+            assert!(whole == tiled, "{height}x{width} in tiles of {tile} on {}", isa.name());
+        }
+    }
+}
+
+#[test]
+fn tracts_own_operators_give_the_same_tiled_and_whole() {
+    let model = model(Form::Paper, 16, 9);
+    for (height, width, tile) in [(45, 33, 17), (20, 64, 32), (7, 5, 3), (1, 40, 8)] {
+        let features = features(height, width);
+        let tract = Engine::new(model.clone(), Kernels::Tract, tile).parameters(&features).unwrap();
+        let whole =
+            Engine::new(model.clone(), Kernels::Tract, 64).parameters(&features).unwrap();
+        let ours = Engine::new(model.clone(), Kernels::Fused(Isa::best()), tile)
+            .parameters(&features)
+            .unwrap();
+        assert_close(&tract, &whole, &format!("{height}x{width} by {tile}"));
+        assert_close(&ours, &whole, &format!("{height}x{width} fused"));
+    }
+}
+
+#[test]
+fn the_engine_agrees_with_the_f64_network() {
+    for form in [Form::Paper, Form::Gated] {
+        let model = model(form, 16, 9);
+        let (height, width) = (13, 21);
+        let features = features(height, width);
+        let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
+        let (weights, input) = (wide(&model.weights), wide(features.data()));
+        let layers =
+            network::oracle::forward(&model.contract.shape, &weights, &input, height, width);
+        let raw = layers.last().unwrap();
+        let pixels = height * width;
+        let activated = raw.iter().enumerate().map(|(i, o)| activation_f64(i / pixels, *o).0 as f32);
+        let expected = Image::from_planes(form.parameters(), height, width, activated.collect());
+        for isa in Isa::available() {
+            let engine = Engine::new(model.clone(), Kernels::Fused(isa), 6);
+            let found = engine.parameters(&features).unwrap();
+            assert_close(&found, &expected, isa.name());
+        }
+    }
+}
+
+#[test]
+fn tiles_cover_every_pixel_once_and_windows_stay_inside() {
+    for (height, width, tile, halo) in [(1, 1, 1, 9), (100, 37, 16, 9), (64, 64, 64, 9), (19, 300, 7, 2)] {
+        let grid = TileGrid::new(height, width, tile, halo);
+        let mut seen = vec![0; height * width];
+        for t in grid.tiles() {
+            assert!(t.window_top + t.window_height <= height && t.window_left + t.window_width <= width);
+            let clear = |start: usize, end: usize, from: usize, to: usize, size: usize| {
+                (from == 0 || start >= from + halo) && (to == size || end + halo <= to)
+            };
+            assert!(clear(t.top, t.top + t.height, t.window_top, t.window_top + t.window_height, height));
+            assert!(clear(t.left, t.left + t.width, t.window_left, t.window_left + t.window_width, width));
+            for y in t.top..t.top + t.height {
+                for x in t.left..t.left + t.width {
+                    seen[y * width + x] += 1;
+                }
+            }
+        }
+        assert!(seen.iter().all(|&n| n == 1), "{height}x{width} by {tile}");
+    }
+}
