@@ -131,22 +131,43 @@ unsafe fn activation<S: Simd>(channel: usize, o: S::F) -> (S::F, S::F) {
     }
 }
 
-/// Runs `f` over a slice in vectors; the last ones go through a padded copy.
+/// What [`for_vectors`] writes for outputs `raw` of one channel.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Pass {
+    /// The activated parameters.
+    Value,
+    /// What is there times the activation's derivative.
+    Gradient,
+}
+
+/// Runs one pass over a slice in vectors; the last ones go through a padded copy. No closure: one
+/// would not be compiled for the instruction set of the function that it is called in.
 #[inline(always)]
-unsafe fn for_vectors<S: Simd>(raw: &[f32], out: &mut [f32], f: impl Fn(S::F, S::F) -> S::F) {
+unsafe fn for_vectors<S: Simd>(channel: usize, pass: Pass, raw: &[f32], out: &mut [f32]) {
     unsafe {
         let whole = raw.len() / S::LANES * S::LANES;
         for i in (0..whole).step_by(S::LANES) {
             let p = out.as_mut_ptr().add(i);
-            S::store(p, f(S::load(raw.as_ptr().add(i)), S::load(p)));
+            S::store(p, one_vector::<S>(channel, pass, S::load(raw.as_ptr().add(i)), S::load(p)));
         }
         let mut o = [0.0; MAX_LANES];
         let mut v = [0.0; MAX_LANES];
         let rest = raw.len() - whole;
         o[..rest].copy_from_slice(&raw[whole..]);
         v[..rest].copy_from_slice(&out[whole..]);
-        S::store(v.as_mut_ptr(), f(S::load(o.as_ptr()), S::load(v.as_ptr())));
+        S::store(v.as_mut_ptr(), one_vector::<S>(channel, pass, S::load(o.as_ptr()), S::load(v.as_ptr())));
         out[whole..].copy_from_slice(&v[..rest]);
+    }
+}
+
+#[inline(always)]
+unsafe fn one_vector<S: Simd>(channel: usize, pass: Pass, o: S::F, there: S::F) -> S::F {
+    unsafe {
+        let (value, slope) = activation::<S>(channel, o);
+        match pass {
+            Pass::Value => value,
+            Pass::Gradient => S::mul(there, slope),
+        }
     }
 }
 
@@ -161,7 +182,7 @@ impl Kernel for ActivatePlane<'_> {
     unsafe fn run<S: Simd>(self) {
         let raw = self.values.to_vec();
         // SAFETY: `for_vectors` stays inside its two slices of one length.
-        unsafe { for_vectors::<S>(&raw, self.values, |o, _| activation::<S>(self.channel, o).0) }
+        unsafe { for_vectors::<S>(self.channel, Pass::Value, &raw, self.values) }
     }
 }
 
@@ -179,7 +200,7 @@ impl Kernel for ActivateBackward<'_> {
         let planes = self.raw.chunks_exact(pixels).zip(self.gradient.chunks_exact_mut(pixels));
         for (channel, (raw, gradient)) in planes.enumerate() {
             // SAFETY: `for_vectors` stays inside its two slices of one length.
-            unsafe { for_vectors::<S>(raw, gradient, |o, g| S::mul(g, activation::<S>(channel, o).1)) }
+            unsafe { for_vectors::<S>(channel, Pass::Gradient, raw, gradient) }
         }
     }
 }
