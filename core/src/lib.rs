@@ -16,5 +16,6 @@ pub mod objective;
 pub mod parameters;
 pub mod prepare;
 pub mod rng;
+pub mod sequence;
 pub mod simd;
 pub mod smooth;

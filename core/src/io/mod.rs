@@ -13,7 +13,7 @@
 //! | [`atomic`] | outputs that appear whole or not at all |
 //! | [`write`](mod@write) | the corrected picture inside a copy of the input |
 //! | [`preview`] | tone curve, error colours, PNG |
-//! | `sequence` | frame numbers in file names |
+//! | [`sequence`](crate::sequence) | frame numbers in file names |
 
 pub mod atomic;
 pub mod checks;

@@ -1,9 +1,14 @@
 //! How far a picture is from its reference.
 //!
-//! [`relative`] works on radiance; [`displayed`] on what a viewer sees, through
+//! [`relative`] works on radiance; [`displayed`] and [`flip`] on what a viewer sees, through
 //! [`crate::io::preview::display`]; [`summary`] is all of them at once. All sums are f64 in a fixed order, so that
-//! results do not depend on the machine's threads; non-finite pixels are left out and counted.
+//! results do not depend on the number of threads; non-finite pixels are left out and counted.
 
+pub mod displayed;
+pub mod filter;
+pub mod flip;
 pub mod relative;
+pub mod summary;
 
 pub use relative::{Measured, rel_l2, smape};
+pub use summary::{Figures, figures};
