@@ -45,30 +45,48 @@ pub struct Finished {
     pub fallback: Option<String>,
 }
 
+/// What the picture is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Composition {
+    /// ½ (μ̂^a + μ̂^b), as it is (the paper).
+    MeanOfHalves,
+    /// The correction of the full buffer's z, as far as the halves' judgement of each other goes.
+    JudgedFullBuffer,
+}
+
 /// Corrects both halves with their activated parameters `[P, H, W]` and finishes the picture.
-pub fn finish(isa: Isa, form: Form, taps: &Taps, prepared: &Prepared, parameters: [&Image; 2]) -> Finished {
-    let valid = prepared.valid.as_ref();
-    let halves: Vec<Image> = (0..2)
-        .map(|h| {
-            let windows = Windows::new(&prepared.halves[h], valid, prepared.set, taps.radius());
-            correct(isa, form, &windows, taps, parameters[h])
-        })
-        .collect();
-    let mut correction = Image::zeros(3, prepared.height(), prepared.width());
-    for h in 0..2 {
-        let windows = Windows::new(&prepared.with_full_buffer(h), valid, prepared.set, taps.radius());
-        let full = correct(isa, form, &windows, taps, parameters[h]);
-        for ((c, x), z) in correction.data_mut().iter_mut().zip(full.data()).zip(prepared.denoised.data()) {
-            *c += 0.5 * (x - z);
+pub fn finish(
+    isa: Isa,
+    form: Form,
+    taps: &Taps,
+    composition: Composition,
+    prepared: &Prepared,
+    parameters: [&Image; 2],
+) -> Finished {
+    let corrected = |features: &Image, h: usize| {
+        let windows = Windows::new(features, prepared.valid.as_ref(), prepared.set, taps.radius());
+        correct(isa, form, &windows, taps, parameters[h])
+    };
+    let halves: Vec<Image> = (0..2).map(|h| corrected(&prepared.halves[h], h)).collect();
+    let (mut correction, share) = match composition {
+        Composition::MeanOfHalves => {
+            (Image::mean_of(&halves[0], &halves[1]), Image::filled(1, prepared.height(), prepared.width(), 1.0))
         }
+        Composition::JudgedFullBuffer => {
+            let full = [0, 1].map(|h| corrected(&prepared.with_full_buffer(h), h));
+            (Image::mean_of(&full[0], &full[1]), Evidence::of(prepared, &halves).share())
+        }
+    };
+    for (c, z) in correction.data_mut().iter_mut().zip(prepared.denoised.data()) {
+        *c -= z;
     }
-    let evidence = Evidence::of(prepared, &halves);
-    let share = evidence.share();
     let blended: Vec<Image> = (0..2).map(|h| blend(prepared, &halves[h], &share, h)).collect();
     let denoised: Vec<Image> = (0..2).map(|h| triple(&prepared.halves[h], DENOISED)).collect();
     let loss = Losses { denoised: estimate::loss(prepared, &denoised), corrected: estimate::loss(prepared, &blended) };
     let gain = estimate::gain(prepared, &denoised, &blended);
-    let fallback = (gain.value <= 0.0).then(|| {
+    let may_fall_back = composition == Composition::JudgedFullBuffer;
+    let fallback = (may_fall_back && gain.value <= 0.0).then(|| {
         format!("the self-supervised loss does not fall: gain {:.3e} ± {:.1e}", gain.value, gain.standard_error)
     });
     let estimate = estimate::estimate(prepared, &denoised, if fallback.is_some() { &denoised } else { &blended });

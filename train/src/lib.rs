@@ -1,11 +1,22 @@
 //! Fits the corrector to a frame or a shot with Burn.
 //!
-//! [`preset`] says how, [`tiles`] on what, [`fit`] does it; [`model`] and [`operation`] are the
-//! Burn side of core's kernels.
+//! [`inputs`] reads, [`preset`] says how and [`tiles`] on what to train, [`fit`] trains, [`write`]
+//! leaves picture, model, report and previews; [`model`] and [`operation`] are the Burn side of
+//! core's kernels.
 
 pub mod backend;
+pub mod cli;
+pub mod error;
 pub mod fit;
+pub mod fit_command;
+pub mod init;
+pub mod inputs;
+pub mod interrupt;
 pub mod model;
 pub mod operation;
+pub mod output;
 pub mod preset;
+pub mod progress;
+pub mod report;
 pub mod tiles;
+pub mod write;

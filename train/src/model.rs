@@ -2,7 +2,7 @@
 
 use crate::operation::{Operation, Pullback, differentiable};
 use burn::module::{Module, Param};
-use burn::tensor::ops::{ConvOptions, PaddedConvOptions};
+use burn::tensor::ops::ConvOptions;
 use burn::tensor::{Device, Tensor, TensorData, activation, module::conv2d};
 use sspc_core::features::FEATURE_CHANNELS;
 use sspc_core::network::{self, KERNEL, Network, Shape};
@@ -78,8 +78,7 @@ impl TileBatch {
             let kernel = outputs * inputs * KERNEL * KERNEL;
             let w = weights.clone().slice([start..start + kernel]).reshape([outputs, inputs, KERNEL, KERNEL]);
             let b = weights.clone().slice([start + kernel..start + kernel + outputs]);
-            let same = PaddedConvOptions::from(ConvOptions::new([1, 1], [1, 1], [1, 1], 1));
-            x = conv2d(x, w, Some(b), same);
+            x = conv2d(x, w, Some(b), ConvOptions::new([1, 1], [1, 1], [1, 1], 1));
             if l + 1 < self.shape.layers {
                 x = activation::relu(x);
             }

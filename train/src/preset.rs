@@ -1,5 +1,6 @@
 //! Presets: how a corrector is started and trained.
 
+use sspc_core::finish::Composition;
 use sspc_core::gc::PAPER_RADIUS;
 use sspc_core::network::Shape;
 use sspc_core::parameters::Form;
@@ -79,9 +80,8 @@ pub struct Settings {
     pub epochs: usize,
     /// Weighted error norm from which a pixel's gradient is limited; infinite: never.
     pub influence: f32,
-    /// Whether the picture is made from the full buffer and judged locally, or as in the paper the
-    /// mean of both corrected halves, as it is.
-    pub judged: bool,
+    /// What the picture is made of.
+    pub composition: Composition,
     pub seed: u64,
 }
 
@@ -106,7 +106,7 @@ impl Settings {
             steps,
             epochs: 0,
             influence: 1.0,
-            judged: true,
+            composition: Composition::JudgedFullBuffer,
             seed,
         };
         match preset {
@@ -121,7 +121,7 @@ impl Settings {
                 rate: Rate::NoiseScaled { factor: 0.01 },
                 epochs: 20,
                 influence: f32::INFINITY,
-                judged: false,
+                composition: Composition::MeanOfHalves,
                 ..ours
             },
             _ => ours,

@@ -1,0 +1,55 @@
+//! What can end a run early, and the exit code it gives.
+
+use sspc_core::error::ErrorKind;
+use std::path::PathBuf;
+
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    #[error(transparent)]
+    Core(#[from] sspc_core::error::Error),
+
+    #[error("{}: {source}", path.display())]
+    Model { path: PathBuf, source: sspc_onnx::FileError },
+
+    #[error("{}: cannot start from it: expected {expected}, found {found}", path.display())]
+    Contract { path: PathBuf, expected: String, found: String },
+
+    #[error(transparent)]
+    Invalid(#[from] sspc_onnx::Error),
+
+    #[error("{}: cannot make the output folder: {source}", path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
+
+    #[error("{0}")]
+    Arguments(String),
+
+    #[error("interrupted: nothing was written")]
+    Interrupted,
+}
+
+impl Error {
+    /// 2 bad arguments, 3 bad input, 4 a failed run, 130 interrupted.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::Arguments(_) => 2,
+            Error::Core(error) => match error.kind() {
+                ErrorKind::Arguments => 2,
+                ErrorKind::Input => 3,
+                ErrorKind::Output => 4,
+            },
+            Error::Model { .. } | Error::Contract { .. } => 3,
+            Error::Invalid(_) | Error::Folder { .. } => 4,
+            Error::Interrupted => 130,
+        }
+    }
+
+    /// One line of advice, where there is any.
+    pub fn advice(&self) -> Option<&'static str> {
+        match self {
+            Error::Core(error) => Some(error.advice()),
+            Error::Model { .. } | Error::Contract { .. } => Some("give a model.onnx that sspc-train fit wrote"),
+            Error::Folder { .. } => Some("check that the parent folder exists and may be written to"),
+            _ => None,
+        }
+    }
+}

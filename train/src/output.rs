@@ -1,0 +1,60 @@
+//! The folder a fit writes: made when needed, and left as it was found when something fails.
+
+use crate::error::Error;
+use std::path::{Path, PathBuf};
+
+/// An output folder and the files of this run in it. Dropped before [`OutputFolder::keep`], it
+/// removes what this run has added.
+#[derive(Debug)]
+pub struct OutputFolder {
+    path: PathBuf,
+    created: bool,
+    added: Vec<PathBuf>,
+    kept: bool,
+}
+
+impl OutputFolder {
+    /// Opens or makes the folder.
+    ///
+    /// # Errors
+    /// [`Error::Folder`] when it cannot be made, is not a folder, or cannot be written to.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        let refuse = |source| Error::Folder { path: path.to_path_buf(), source };
+        let created = !path.exists();
+        if created {
+            std::fs::create_dir(path).map_err(refuse)?;
+        }
+        let folder = Self { path: path.to_path_buf(), created, added: Vec::new(), kept: false };
+        let probe = path.join(format!(".sspc-{}.probe", std::process::id()));
+        std::fs::write(&probe, b"").and_then(|()| std::fs::remove_file(&probe)).map_err(refuse)?;
+        Ok(folder)
+    }
+
+    /// The path of a file that is about to be written.
+    pub fn add(&mut self, name: &str) -> PathBuf {
+        let path = self.path.join(name);
+        if !path.exists() {
+            self.added.push(path.clone());
+        }
+        path
+    }
+
+    /// Everything is written: nothing will be removed.
+    pub fn keep(mut self) {
+        self.kept = true;
+    }
+}
+
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        if !self.kept {
+            // Best effort: what cannot be removed was reported by the failure that led here.
+            for file in &self.added {
+                let _ = std::fs::remove_file(file);
+            }
+            if self.created {
+                let _ = std::fs::remove_dir(&self.path);
+            }
+        }
+    }
+}

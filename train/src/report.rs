@@ -1,0 +1,131 @@
+//! report.json: every figure and setting of a fit.
+
+use crate::fit::{End, Step};
+use crate::preset::{Preset, Settings};
+use serde::Serialize;
+use sspc_core::estimate::{Estimate, Losses};
+use sspc_core::features::FeatureSet;
+use sspc_core::finish::Composition;
+use sspc_core::frame::RoleSource;
+use sspc_core::prepare::{Findings, Prepared};
+
+/// relL2 against the reference.
+#[derive(Clone, Debug, Serialize)]
+pub struct RelL2 {
+    pub noisy: f64,
+    pub denoised: f64,
+    pub corrected: f64,
+    /// The reference's own noise was taken out by its halves.
+    pub reference_noise_removed: bool,
+}
+
+/// Wall-clock seconds.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Seconds {
+    pub read: f64,
+    pub train: f64,
+    pub correct: f64,
+    pub write: f64,
+    pub total: f64,
+}
+
+/// Which channel filled which role.
+#[derive(Clone, Debug, Serialize)]
+pub struct Role {
+    pub role: String,
+    pub buffer: String,
+    pub file: String,
+    pub channels: Vec<String>,
+}
+
+impl From<&RoleSource> for Role {
+    fn from(source: &RoleSource) -> Self {
+        Role {
+            role: source.role.to_string(),
+            buffer: source.buffer.to_string(),
+            file: source.path.display().to_string(),
+            channels: source.channels.clone(),
+        }
+    }
+}
+
+/// Something that was left out, and the measurement that justified it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Skipped {
+    pub what: String,
+    pub why: String,
+}
+
+/// What a prepared frame lets the kernels leave out.
+pub fn skipped(prepared: &Prepared) -> Vec<Skipped> {
+    let FeatureSet { albedo, normal, visibility } = prepared.set;
+    let mut out: Vec<Skipped> = [("albedo", albedo), ("normal", normal), ("visibility", visibility)]
+        .into_iter()
+        .filter(|(_, used)| !used)
+        .map(|(what, _)| Skipped { what: what.into(), why: "absent, or the same at every pixel".into() })
+        .collect();
+    if prepared.found.missing_pixels > 0 {
+        let why = format!("{} pixels with NaN or Inf", prepared.found.missing_pixels);
+        out.push(Skipped { what: "missing pixels".into(), why });
+    }
+    out
+}
+
+/// The whole report.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    pub version: String,
+    pub preset: Preset,
+    pub seed: u64,
+    pub backend: String,
+    pub instruction_set: &'static str,
+    pub threads: usize,
+    pub width: usize,
+    pub height: usize,
+    pub exposure: f32,
+    pub composition: Composition,
+    pub steps: usize,
+    pub steps_dropped: usize,
+    pub end: End,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rel_l2: Option<RelL2>,
+    pub loss: Losses,
+    pub estimate: Estimate,
+    /// Why the output is the denoiser's, if it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fallback: Option<String>,
+    /// Mean share of the correction that local judgement kept, 0..1.
+    pub mean_share: f64,
+    pub seconds: Seconds,
+    pub milliseconds_per_step: f64,
+    pub peak_rss_bytes: Option<u64>,
+    pub found: Findings,
+    pub roles: Vec<Role>,
+    pub skipped: Vec<Skipped>,
+    pub warnings: Vec<String>,
+    pub settings: serde_json::Value,
+    pub history: Vec<Step>,
+}
+
+/// The settings in words and numbers.
+pub fn settings_json(settings: &Settings) -> serde_json::Value {
+    serde_json::json!({
+        "form": settings.form,
+        "network": settings.shape,
+        "window_radius": settings.radius,
+        "start": format!("{:?}", settings.start),
+        "sampling": format!("{:?}", settings.sampling),
+        "tile": settings.tile,
+        "batch": settings.batch,
+        "rate": format!("{:?}", settings.rate),
+        "influence": settings.influence.is_finite().then_some(settings.influence),
+    })
+}
+
+/// Most memory this process has held, where the system tells (Linux).
+pub fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024)
+}

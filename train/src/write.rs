@@ -1,0 +1,107 @@
+//! What a fit leaves behind: corrected.exr, model.onnx, report.json and previews.
+
+use crate::cli::FitArgs;
+use crate::error::Error;
+use crate::fit::Fitted;
+use crate::fit_command::{Outcome, denoised, noisy};
+use crate::inputs::Input;
+use crate::output::OutputFolder;
+use crate::preset::Settings;
+use crate::report::Report;
+use sspc_core::image::Image;
+use sspc_core::io::atomic::atomic_write_bytes;
+use sspc_core::io::preview::{Rgb8, auto_exposure, error_map, strip, tone_map, write_png};
+use sspc_core::io::write_corrected;
+use sspc_onnx::{Contract, Model, write_network};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Writes everything; with several frames their names carry the frame's index in the order given.
+#[allow(clippy::too_many_arguments)] // the whole of a run ends here
+pub fn write_outputs(
+    args: &FitArgs,
+    settings: &Settings,
+    inputs: &[Input],
+    fitted: &Fitted,
+    results: &[Outcome],
+    mut reports: Vec<Report>,
+    mut folder: OutputFolder,
+    start: Instant,
+) -> Result<(), Error> {
+    let begin = Instant::now();
+    let protected: Vec<PathBuf> = inputs.iter().flat_map(|i| i.files.all()).collect();
+    let model = write_network(&model(args, settings, inputs, fitted)?);
+    atomic_write_bytes(&folder.add("model.onnx"), &protected, &model)?;
+    for (input, result) in inputs.iter().zip(results) {
+        let name = |stem: &str, extension: &str| match &input.frame_number {
+            Some(number) => format!("{stem}.{number}.{extension}"),
+            None => format!("{stem}.{extension}"),
+        };
+        let path = folder.add(&name("corrected", "exr"));
+        write_corrected(&path, &input.files.a, &protected, &result.corrected, &provenance(args, fitted, result))?;
+        for (stem, picture) in previews(input, result) {
+            write_png(&folder.add(&name(stem, "png")), &protected, &picture)?;
+        }
+    }
+    for (input, report) in inputs.iter().zip(&mut reports) {
+        report.seconds.write = begin.elapsed().as_secs_f64();
+        report.seconds.total = start.elapsed().as_secs_f64();
+        let name = match &input.frame_number {
+            Some(number) => format!("report.{number}.json"),
+            None => "report.json".into(),
+        };
+        let json = serde_json::to_vec_pretty(report).unwrap_or_default();
+        atomic_write_bytes(&folder.add(&name), &protected, &json)?;
+    }
+    folder.keep();
+    Ok(())
+}
+
+/// The fitted network with its contract.
+fn model(args: &FitArgs, settings: &Settings, inputs: &[Input], fitted: &Fitted) -> Result<Model, Error> {
+    let mut contract = Contract::new(settings.form);
+    contract.shape = settings.shape;
+    contract.window_radius = settings.radius;
+    contract.exposure = settings.exposure;
+    contract.seed = args.seed;
+    contract.frames = inputs.iter().map(|i| i.name.clone()).collect();
+    contract.tool = concat!("sspc-train ", env!("CARGO_PKG_VERSION")).into();
+    contract.preset = args.preset.to_string();
+    contract.steps = fitted.history.len() as u64;
+    Ok(Model::new(contract, fitted.network.weights.clone())?)
+}
+
+/// How the picture was made, for its EXR attributes.
+fn provenance(args: &FitArgs, fitted: &Fitted, result: &Outcome) -> Vec<(String, String)> {
+    let fallback = result.finished.fallback.clone().unwrap_or_else(|| "none".into());
+    [
+        ("sspc.tool", concat!("sspc-train ", env!("CARGO_PKG_VERSION")).to_string()),
+        ("sspc.preset", args.preset.to_string()),
+        ("sspc.seed", args.seed.to_string()),
+        ("sspc.steps", fitted.history.len().to_string()),
+        ("sspc.fallback", fallback),
+    ]
+    .map(|(key, value)| (key.to_string(), value))
+    .to_vec()
+}
+
+/// Pictures to look at: noisy, denoised, corrected, error maps where there is a reference, and all
+/// of them side by side.
+fn previews(input: &Input, result: &Outcome) -> Vec<(&'static str, Rgb8)> {
+    let denoised = denoised(&input.frame);
+    let exposure = auto_exposure(&denoised);
+    let shown = |image: &Image| tone_map(image, exposure);
+    let mut pictures = vec![
+        ("noisy", shown(&noisy(&input.frame))),
+        ("denoised", shown(&denoised)),
+        ("corrected", shown(&result.corrected)),
+    ];
+    if let Some(reference) = &input.reference {
+        pictures.push(("reference", shown(&reference.mean)));
+        pictures.push(("error-denoised", error_map(&denoised, reference)));
+        pictures.push(("error-corrected", error_map(&result.corrected, reference)));
+    }
+    let all: Vec<Rgb8> = pictures.iter().map(|(_, picture)| picture.clone()).collect();
+    pictures.push(("comparison", strip(&all)));
+    pictures
+}
