@@ -2,4 +2,8 @@
 //! picture.
 #![forbid(unsafe_code)]
 
+pub mod cli;
 pub mod engine;
+pub mod evaluate;
+pub mod failure;
+pub mod interrupt;

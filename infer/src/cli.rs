@@ -1,0 +1,39 @@
+//! The command line: what can be asked, and who answers.
+
+use crate::evaluate::{self, EvaluateArguments};
+use crate::failure::Failure;
+use clap::{Parser, Subcommand};
+
+/// Exit codes, printed by `--help`.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0    done
+  2    the arguments make no sense
+  3    an input is missing, damaged or not what it should be
+  4    the run failed: an output could not be written, memory ran out, ...
+  130  interrupted";
+
+/// Corrects Monte Carlo renders with a fitted model, and measures pictures against references.
+#[derive(Debug, Parser)]
+#[command(name = "sspc-infer", version, after_help = EXIT_CODES)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Measure a picture against a reference: relL2, SMAPE, PSNR, SSIM, FLIP
+    Evaluate(EvaluateArguments),
+}
+
+/// Does what was asked.
+///
+/// # Errors
+/// A [`Failure`] that carries its exit code.
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    match arguments.command {
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+    }
+}

@@ -1,0 +1,179 @@
+//! `evaluate`: a picture, and the denoiser's beside it, measured against a reference.
+
+use crate::failure::{Code, Failure};
+use crate::interrupt;
+use clap::Args;
+use serde::Serialize;
+use sspc_core::frame::Reference;
+use sspc_core::image::Image;
+use sspc_core::io::atomic::check_output;
+use sspc_core::io::preview::{self, auto_exposure};
+use sspc_core::io::read::Like;
+use sspc_core::io::{read_picture, read_reference};
+use sspc_core::metric::{Figures, figures};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// What `evaluate` is told.
+#[derive(Clone, Debug, Args)]
+pub struct EvaluateArguments {
+    /// The picture to measure (its R,G,B, Combined or Beauty)
+    #[arg(value_name = "X.exr")]
+    pub picture: PathBuf,
+
+    /// The reference; with layers a.* and b.* of two independent halves its own noise is taken out of relL2
+    #[arg(long, value_name = "REF.exr")]
+    pub reference: PathBuf,
+
+    /// The denoiser's picture, measured beside it
+    #[arg(long, value_name = "Z.exr")]
+    pub denoised: Option<PathBuf>,
+
+    /// Factor on radiance before the display curve of PSNR, SSIM and FLIP [default: puts the reference's mean at mid-grey]
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub exposure: Option<f32>,
+
+    /// Write the picture's error, (x - r)^2 / (mean(r)^2 + 0.01), in colours from 1e-4 (black) to 1 (white)
+    #[arg(long, value_name = "PNG")]
+    pub error_map: Option<PathBuf>,
+
+    /// Print JSON with every figure
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    let value: f32 = text.parse().map_err(|_| "expected a number".to_string())?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err("expected a number above 0".to_string()) }
+}
+
+/// Everything `--json` prints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluation {
+    pub picture: PathBuf,
+    pub reference: PathBuf,
+    pub width: usize,
+    pub height: usize,
+    /// The factor before the display curve.
+    pub exposure: f32,
+    /// Whether the reference's own noise was taken out of relL2.
+    pub reference_noise_removed: bool,
+    pub figures: Figures,
+    /// The denoiser's, when it was given.
+    pub denoised: Option<DenoisedEvaluation>,
+}
+
+/// The denoiser's picture beside the one measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DenoisedEvaluation {
+    pub picture: PathBuf,
+    pub figures: Figures,
+    /// relL2 of the picture over the denoiser's; `null` in JSON where the denoiser's is not above 0.
+    pub rel_l2_ratio: f64,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A [`Failure`] with its exit code.
+pub fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
+    let inputs = inputs(arguments);
+    if let Some(path) = &arguments.error_map {
+        check_output(path, &inputs)?;
+    }
+    let picture = read_picture(&arguments.picture, None)?;
+    let like = Like { image: &picture, path: &arguments.picture };
+    let reference = read_reference(&arguments.reference, Some(like))?;
+    let denoised = arguments.denoised.as_deref().map(|path| read_picture(path, Some(like))).transpose()?;
+    let evaluation = evaluate(arguments, &picture, &reference, denoised.as_ref())?;
+    interrupt::check()?;
+    if let Some(path) = &arguments.error_map {
+        preview::write_png(path, &inputs, &preview::error_map(&picture, &reference))?;
+    }
+    let text = if arguments.json { json(&evaluation)? } else { table(&evaluation) };
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| Failure::from_stdout(&error))
+}
+
+fn inputs(arguments: &EvaluateArguments) -> Vec<PathBuf> {
+    let required = [&arguments.picture, &arguments.reference];
+    required.into_iter().chain(&arguments.denoised).cloned().collect()
+}
+
+fn evaluate(
+    arguments: &EvaluateArguments,
+    picture: &Image,
+    reference: &Reference,
+    denoised: Option<&Image>,
+) -> Result<Evaluation, Failure> {
+    let exposure = arguments.exposure.unwrap_or_else(|| auto_exposure(&reference.mean));
+    let own = figures(picture, reference, exposure);
+    if own.pixels == 0 {
+        let message = format!(
+            "{}: expected pixels that are finite in it and in {}, found none",
+            arguments.picture.display(),
+            arguments.reference.display()
+        );
+        return Err(Failure::new(Code::Input, message, "one of the two holds only NaN or infinity"));
+    }
+    interrupt::check()?;
+    let denoised = denoised.zip(arguments.denoised.clone()).map(|(image, path)| {
+        let figures = figures(image, reference, exposure);
+        let rel_l2_ratio = if figures.rel_l2 > 0.0 { own.rel_l2 / figures.rel_l2 } else { f64::NAN };
+        DenoisedEvaluation { picture: path, figures, rel_l2_ratio }
+    });
+    Ok(Evaluation {
+        picture: arguments.picture.clone(),
+        reference: arguments.reference.clone(),
+        width: picture.width(),
+        height: picture.height(),
+        exposure,
+        reference_noise_removed: reference.halves.is_some(),
+        figures: own,
+        denoised,
+    })
+}
+
+fn json(evaluation: &Evaluation) -> Result<String, Failure> {
+    let text = serde_json::to_string_pretty(evaluation);
+    text.map(|text| text + "\n").map_err(|error| Failure::new(Code::Run, format!("cannot write as JSON: {error}"), ""))
+}
+
+fn table(evaluation: &Evaluation) -> String {
+    let noise = if evaluation.reference_noise_removed { "taken out" } else { "left in (it has no halves)" };
+    let mut text = format!(
+        "{} against {}: {}x{}, exposure {:.4}, reference noise {noise}\n{:<9} {:>11} {:>11} {:>8} {:>8} {:>7} {:>7} {:>9}\n",
+        evaluation.picture.display(),
+        evaluation.reference.display(),
+        evaluation.width,
+        evaluation.height,
+        evaluation.exposure,
+        "",
+        "relL2",
+        "std. error",
+        "SMAPE",
+        "PSNR dB",
+        "SSIM",
+        "FLIP",
+        "excluded"
+    );
+    text += &row("picture", &evaluation.figures);
+    if let Some(denoised) = &evaluation.denoised {
+        text += &row("denoised", &denoised.figures);
+        text += &format!("{:<9} {:>11.4}\n", "ratio", denoised.rel_l2_ratio);
+    }
+    text
+}
+
+fn row(name: &str, figures: &Figures) -> String {
+    format!(
+        "{name:<9} {:>11.6} {:>11.6} {:>8.4} {:>8.2} {:>7.4} {:>7.4} {:>9}\n",
+        figures.rel_l2,
+        figures.rel_l2_standard_error,
+        figures.smape,
+        figures.psnr,
+        figures.ssim,
+        figures.flip,
+        figures.excluded
+    )
+}

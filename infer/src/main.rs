@@ -1,0 +1,12 @@
+//! `sspc-infer`: measures and corrects pictures; see `sspc-infer --help`.
+#![forbid(unsafe_code)]
+
+use clap::Parser;
+use sspc_infer::{cli, failure, interrupt};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments = cli::Arguments::parse();
+    interrupt::listen();
+    failure::exit_code(cli::run(arguments))
+}
