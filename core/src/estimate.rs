@@ -7,7 +7,7 @@
 
 use crate::features::RADIANCE;
 use crate::image::Image;
-use crate::objective::relative_weight;
+use crate::objective::{RELATIVE_FLOOR, relative_weight};
 use crate::prepare::Prepared;
 
 /// Side of the blocks whose scatter gives a standard error: noise is nearly independent between them.
@@ -27,7 +27,7 @@ pub struct Losses {
     pub corrected: f64,
 }
 
-/// Estimated relL2 of the mean of both halves, in the frame's exposure.
+/// Estimated relL2 of the mean of both halves, in the frame's own exposure: comparable with relL2 against a reference.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
     pub denoised: Mean,
@@ -36,7 +36,7 @@ pub struct Estimate {
 
 /// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units.
 pub fn loss(prepared: &Prepared, pair: &[Image]) -> f64 {
-    mean_of_pixels(prepared, |i, weights| {
+    mean_of_pixels(prepared, RELATIVE_FLOOR, |i, weights| {
         (0..2).map(|h| 0.5 * f64::from(weights[h][i]) * squared_to(prepared, &pair[h], h, i)).sum()
     })
     .value
@@ -45,7 +45,7 @@ pub fn loss(prepared: &Prepared, pair: &[Image]) -> f64 {
 /// Unbiased estimate of how much smaller the error of `after` is than that of `before`:
 /// L̂(before) - L̂(after), which needs no variance.
 pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image]) -> Mean {
-    mean_of_pixels(prepared, |i, weights| {
+    mean_of_pixels(prepared, RELATIVE_FLOOR, |i, weights| {
         (0..2)
             .map(|h| {
                 let other = &prepared.halves[1 - h];
@@ -65,8 +65,10 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image]) -> Mean {
 
 /// Estimated relL2 of the mean of a pair of denoised and of a pair of corrected halves.
 pub fn estimate(prepared: &Prepared, denoised: &[Image], corrected: &[Image]) -> Estimate {
+    // In the method's units the 0.01 of relL2 is this much.
+    let floor = RELATIVE_FLOOR * prepared.exposure * prepared.exposure;
     let of = |pair: &[Image]| {
-        mean_of_pixels(prepared, |i, weights| {
+        mean_of_pixels(prepared, floor, |i, weights| {
             let mut sum = 0.0;
             for h in 0..2 {
                 sum += 0.5 * f64::from(weights[h][i]) * (squared_to(prepared, &pair[h], h, i) - variance(prepared, i));
@@ -91,10 +93,10 @@ fn variance(prepared: &Prepared, i: usize) -> f64 {
 }
 
 /// Mean over valid pixels and three channels, with a standard error from the scatter of blocks.
-fn mean_of_pixels(prepared: &Prepared, value: impl Fn(usize, &[&[f32]; 2]) -> f64) -> Mean {
+fn mean_of_pixels(prepared: &Prepared, floor: f32, value: impl Fn(usize, &[&[f32]; 2]) -> f64) -> Mean {
     let (height, width) = (prepared.height(), prepared.width());
     // The weights for half h come from the other half.
-    let weights = [1, 0].map(|other| relative_weight(&prepared.halves[other], prepared.valid.as_ref()));
+    let weights = [1, 0].map(|other| relative_weight(&prepared.halves[other], prepared.valid.as_ref(), floor));
     let weights = [weights[0].plane(0), weights[1].plane(0)];
     let mut blocks: Vec<(f64, f64)> = Vec::new();
     for top in (0..height).step_by(BLOCK) {

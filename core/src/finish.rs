@@ -17,7 +17,7 @@ use crate::features::{DENOISED, Windows};
 use crate::frame::Frame;
 use crate::gc::Taps;
 use crate::image::Image;
-use crate::objective::{relative_weight, triple};
+use crate::objective::{RELATIVE_FLOOR, relative_weight, triple};
 use crate::parameters::Form;
 use crate::prepare::Prepared;
 use crate::smooth::box_mean;
@@ -137,7 +137,7 @@ impl Evidence {
         let mut size = Image::zeros(1, height, width);
         for h in 0..2 {
             let (own, other) = (&prepared.halves[h], &prepared.halves[1 - h]);
-            let weight = relative_weight(other, prepared.valid.as_ref());
+            let weight = relative_weight(other, prepared.valid.as_ref(), RELATIVE_FLOOR);
             for k in 0..3 {
                 let z = own.plane(DENOISED + k);
                 for i in 0..height * width {

@@ -43,14 +43,14 @@ pub struct Tile {
     pub region: Region,
 }
 
-/// 1 / (z̄² + 0.01) of features `[13, H, W]`, 0 where a pixel is missing.
-pub fn relative_weight(features: &Image, valid: Option<&Image>) -> Image {
+/// 1 / (z̄² + floor) of features `[13, H, W]`, 0 where a pixel is missing.
+pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> Image {
     Image::from_fn(1, features.height(), features.width(), |_, y, x| {
         if valid.is_some_and(|v| v.at(0, y, x) == 0.0) {
             return 0.0;
         }
         let mean = (0..3).map(|k| features.at(DENOISED + k, y, x)).sum::<f32>() / 3.0;
-        1.0 / (mean * mean + RELATIVE_FLOOR)
+        1.0 / (mean * mean + floor)
     })
 }
 
@@ -69,7 +69,7 @@ impl Objective {
             HalfObjective {
                 windows: Windows::new(&features, prepared.valid.as_ref(), set, taps.radius()),
                 target: triple(other, RADIANCE),
-                weight: relative_weight(other, prepared.valid.as_ref()),
+                weight: relative_weight(other, prepared.valid.as_ref(), RELATIVE_FLOOR),
                 features,
             }
         };
