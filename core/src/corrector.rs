@@ -1,48 +1,43 @@
 //! From network to picture: parameters of every pixel, and g_c over the whole picture.
 
+use crate::features::{DENOISED, Windows};
 use crate::gc::{self, ParameterPlanes, Region, Taps};
-use crate::features::Windows;
 use crate::image::Image;
-use crate::network::{self, Network};
-use crate::parameters::{Form, activate_plane};
+use crate::network::{Network, WindowNetwork};
+use crate::parameters::Form;
+use crate::plan::Plan;
 use crate::simd::Isa;
 use rayon::prelude::*;
 
-/// Activated parameters `[P, H, W]` of features `[13, H, W]`.
+/// Activated parameters `[P, H, W]` of features `[13, H, W]`, where the plan computes anything.
 ///
 /// # Panics
 /// When the network's outputs are not the form's parameters.
-pub fn parameters(isa: Isa, form: Form, network: &Network, features: &Image) -> Image {
-    assert_eq!(network.shape.outputs, form.parameters(), "one output per parameter");
-    let mut planes = network::run(isa, network, features);
-    let pixels = planes.pixels();
-    planes.data_mut().par_chunks_mut(pixels).enumerate().for_each(|(c, plane)| {
-        activate_plane(isa, c, plane);
-    });
-    planes
+pub fn parameters(isa: Isa, form: Form, network: &Network, features: &Image, plan: &Plan) -> Image {
+    WindowNetwork::new(isa, form, network).run_picture(features, plan)
 }
 
-/// Rows that one task corrects.
-const BAND: usize = 8;
-
-/// μ̂ of a whole picture, `[3, H, W]`, of activated `parameters` `[P, H, W]`.
-pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters: &Image) -> Image {
+/// μ̂ of a picture, `[3, H, W]`, of activated `parameters` `[P, H, W]`; z of the windows where the plan
+/// skips.
+pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters: &Image, plan: &Plan) -> Image {
     let (height, width) = (windows.height(), windows.width());
-    let mut out = Image::zeros(3, height, width);
-    let bands: Vec<(Region, Vec<f32>)> = (0..height)
+    let mut out = Image::from_fn(3, height, width, |k, y, x| windows.at(DENOISED + k, y as isize, x as isize));
+    let parts: Vec<(Region, Vec<f32>)> = plan
+        .runs()
         .into_par_iter()
-        .step_by(BAND)
-        .map(|top| {
-            let region = Region { top, left: 0, height: BAND.min(height - top), width };
+        .map(|region| {
             let view = ParameterPlanes::of_picture(form, parameters.data(), windows, &region);
             let mut corrected = vec![0.0; 3 * region.pixels()];
             gc::forward(isa, windows, taps, region, view, &mut corrected);
             (region, corrected)
         })
         .collect();
-    for (region, corrected) in bands {
+    for (region, corrected) in parts {
         for (k, plane) in corrected.chunks_exact(region.pixels()).enumerate() {
-            out.plane_mut(k)[region.top * width..][..region.pixels()].copy_from_slice(plane);
+            for (y, row) in plane.chunks_exact(region.width).enumerate() {
+                let to = (region.top + y) * width + region.left;
+                out.plane_mut(k)[to..to + region.width].copy_from_slice(row);
+            }
         }
     }
     out

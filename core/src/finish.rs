@@ -66,7 +66,7 @@ pub fn finish(
 ) -> Finished {
     let corrected = |features: &Image, h: usize| {
         let windows = Windows::new(features, prepared.valid.as_ref(), prepared.set, taps.radius());
-        correct(isa, form, &windows, taps, parameters[h])
+        correct(isa, form, &windows, taps, parameters[h], &prepared.plan)
     };
     let halves: Vec<Image> = (0..2).map(|h| corrected(&prepared.halves[h], h)).collect();
     let (mut correction, share) = match composition {

@@ -14,6 +14,7 @@ pub mod metric;
 pub mod network;
 pub mod objective;
 pub mod parameters;
+pub mod plan;
 pub mod prepare;
 pub mod rng;
 pub mod sequence;

@@ -4,6 +4,7 @@
 use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
 use crate::frame::{Frame, HalfBuffer};
 use crate::image::Image;
+use crate::plan::Plan;
 
 /// A frame in the method's units.
 #[derive(Clone, Debug)]
@@ -18,6 +19,8 @@ pub struct Prepared {
     pub valid: Option<Image>,
     /// Features that are there and not constant.
     pub set: FeatureSet,
+    /// What of the picture is computed.
+    pub plan: Plan,
     /// What was found on the way.
     pub found: Findings,
 }
@@ -76,7 +79,8 @@ impl Prepared {
             found.negative_values += fill_colour(full.plane(c), valid.plane(0), factor, denoised.plane_mut(c));
         }
         let valid = (missing_pixels > 0).then_some(valid);
-        Self { exposure: factor, halves, denoised, valid, set, found }
+        let plan = Plan::new(&halves, valid.as_ref());
+        Self { plan, exposure: factor, halves, denoised, valid, set, found }
     }
 
     pub fn height(&self) -> usize {

@@ -1,11 +1,13 @@
 //! The SIMD kernels against their naive f64 twins: every instruction set, odd sizes, all window
 //! positions, bandwidths at both ends of their range.
 
+use sspc_core::corrector;
 use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
 use sspc_core::gc::{self, NoUpstream, ParameterPlanes, Region, Taps, Upstream};
 use sspc_core::image::Image;
 use sspc_core::network::{self, Network, Shape};
 use sspc_core::parameters::{self, Form, activation_f64};
+use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
 use sspc_core::simd::{Isa, Simd};
 
@@ -220,7 +222,8 @@ fn windows_of_the_network_do_not_show() {
     let network = Network { shape, weights };
     let image = features(rng, 131, 117);
     let isa = Isa::best();
-    let tiled = network::run(isa, &network, &image);
-    let (whole, _) = network::forward(isa, &shape, &network.weights, image.data(), 131, 117);
+    let tiled = corrector::parameters(isa, Form::Gated, &network, &image, &Plan::everything(131, 117));
+    let (mut whole, _) = network::forward(isa, &shape, &network.weights, image.data(), 131, 117);
+    parameters::activate(isa, Form::Gated, &mut whole);
     assert_eq!(tiled.data(), whole, "windows of the network differ from the whole picture");
 }

@@ -116,11 +116,10 @@ pub fn fit(
     let start = Instant::now();
     let objectives: Vec<_> = prepared.iter().map(|p| objective(p, settings)).collect();
     let mut schedules: Vec<Schedule> =
-        prepared.iter().map(|p| Schedule::new(settings, p.height(), p.width(), limits.steps)).collect();
-    let steps = match limits.steps {
-        Some(steps) => steps,
-        None => schedules.iter().map(Schedule::steps).max().unwrap_or(0),
-    };
+        prepared.iter().map(|p| Schedule::new(settings, &p.plan, p.height(), p.width(), limits.steps)).collect();
+    let steps = schedules.iter().map(Schedule::steps).max().unwrap_or(0);
+    // Frames in turn; one without any noise has nothing to teach.
+    let taught: Vec<usize> = (0..schedules.len()).filter(|&i| schedules[i].steps() > 0).collect();
     let noise_rate = match settings.rate {
         Rate::NoiseScaled { factor } => noise_scaled_rate(factor, prepared),
         Rate::Cosine { .. } => 0.0,
@@ -131,7 +130,7 @@ pub fn fit(
     let mut optimiser = AdamConfig::new().with_epsilon(1e-8).init();
     let (mut history, mut dropped, mut end) = (Vec::new(), 0, End::AllSteps);
     for step in 0..steps {
-        let frame = step % objectives.len();
+        let frame = taught[step % taught.len()];
         let batch = TileBatch {
             objective: objectives[frame].clone(),
             tiles: Arc::new(schedules[frame].next_batch()),

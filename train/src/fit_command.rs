@@ -95,7 +95,7 @@ pub struct Outcome {
 
 fn correct_frame(isa: Isa, settings: &Settings, network: &Network, input: &Input, prepared: &Prepared) -> Outcome {
     let taps = Taps::square(settings.radius);
-    let planes = [0, 1].map(|h| parameters(isa, settings.form, network, &prepared.halves[h]));
+    let planes = [0, 1].map(|h| parameters(isa, settings.form, network, &prepared.halves[h], &prepared.plan));
     let finished = finish(isa, settings.form, &taps, settings.composition, prepared, [&planes[0], &planes[1]]);
     let corrected = picture(&input.frame, prepared, &finished);
     let rel_l2 = input.reference.as_ref().map(|reference| RelL2 {

@@ -3,6 +3,7 @@
 use crate::preset::{Sampling, Settings};
 use sspc_core::gc::Region;
 use sspc_core::objective::Tile;
+use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
 
 /// Batches of tiles of one picture, in the order they are trained on.
@@ -13,6 +14,8 @@ pub struct Schedule {
     width: usize,
     tile: (usize, usize),
     grid: Option<Grid>,
+    /// Blocks that random tiles are centred on.
+    blocks: Vec<Region>,
     rng: Rng,
 }
 
@@ -23,8 +26,9 @@ struct Grid {
 }
 
 impl Schedule {
-    /// The schedule of `settings` for a picture; `steps` overrides the settings' own number.
-    pub fn new(settings: &Settings, height: usize, width: usize, steps: Option<usize>) -> Self {
+    /// The schedule of `settings` for a frame; `steps` overrides the settings' own number, which is
+    /// that of a frame without skipped blocks.
+    pub fn new(settings: &Settings, plan: &Plan, height: usize, width: usize, steps: Option<usize>) -> Self {
         let tile = (settings.tile.min(height), settings.tile.min(width));
         let grid = match settings.sampling {
             Sampling::Random => None,
@@ -33,19 +37,24 @@ impl Schedule {
                 let places = tops
                     .iter()
                     .flat_map(|&top| lefts.iter().map(move |&left| Region { top, left, height: tile.0, width: tile.1 }))
+                    .filter(|place| plan.touches(place))
                     .collect();
                 Some(Grid { places, left: Vec::new() })
             }
         };
         let of_epochs = |g: &Grid| settings.epochs * g.places.len().div_ceil(settings.batch);
-        let own = grid.as_ref().map_or(settings.steps, of_epochs);
+        let scaled = (settings.steps as f64 * plan.active_share).ceil() as usize;
+        let own = grid.as_ref().map_or(scaled, of_epochs);
+        let blocks = plan.active_blocks();
+        let idle = blocks.is_empty();
         Self {
-            steps: steps.unwrap_or(own),
+            steps: if idle { 0 } else { steps.unwrap_or(own) },
             batch: settings.batch,
             height,
             width,
             tile,
             grid,
+            blocks,
             rng: Rng::new(settings.seed ^ 0x7469_6C65),
         }
     }
@@ -65,8 +74,12 @@ impl Schedule {
         match &mut self.grid {
             None => (0..self.batch)
                 .map(|i| {
-                    let top = rng.below(self.height - tile.0 + 1);
-                    let left = rng.below(self.width - tile.1 + 1);
+                    // A random pixel of a random active block, anywhere in the tile.
+                    let block = self.blocks[rng.below(self.blocks.len())];
+                    let y = block.top + rng.below(block.height);
+                    let x = block.left + rng.below(block.width);
+                    let top = y.saturating_sub(rng.below(tile.0)).min(self.height - tile.0);
+                    let left = x.saturating_sub(rng.below(tile.1)).min(self.width - tile.1);
                     Tile { half: i % 2, region: Region { top, left, height: tile.0, width: tile.1 } }
                 })
                 .collect(),
@@ -100,7 +113,7 @@ mod tests {
     #[test]
     fn an_epoch_of_the_paper_visits_every_patch_of_both_halves_once() {
         let settings = Settings::of(Preset::Paper, 1);
-        let mut schedule = Schedule::new(&settings, 360, 640, None);
+        let mut schedule = Schedule::new(&settings, &Plan::everything(360, 640), 360, 640, None);
         assert_eq!(schedule.epoch(), 3);
         assert_eq!(schedule.steps(), 60);
         let mut seen = std::collections::HashMap::new();
@@ -116,7 +129,7 @@ mod tests {
     #[test]
     fn tiles_stay_inside_pictures_smaller_than_a_tile() {
         for preset in [Preset::Paper, Preset::Balanced] {
-            let mut schedule = Schedule::new(&Settings::of(preset, 1), 1, 7, None);
+            let mut schedule = Schedule::new(&Settings::of(preset, 1), &Plan::everything(1, 7), 1, 7, None);
             let tiles = schedule.next_batch();
             assert!(tiles.iter().all(|t| t.region.height == 1 && t.region.width == 7));
         }

@@ -12,7 +12,7 @@ pub mod start;
 mod trunk;
 mod window;
 
-pub use trunk::{Activations, backward, forward, run};
+pub use trunk::{Activations, backward, forward};
 pub use window::WindowNetwork;
 
 use crate::features::FEATURE_CHANNELS;

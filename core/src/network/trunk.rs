@@ -1,11 +1,9 @@
-//! The whole network over a batch of tiles: forward with saved activations, backward, and a
-//! memory-bounded forward over a picture of any size.
+//! The whole network over a batch of tiles: forward with saved activations, and backward.
 
 use super::conv::{Finish, Packed, convolve, weight_gradient};
 use super::planes::{Geometry, Planes};
-use super::{MAX_CHANNELS, Network, Shape, layer};
+use super::{MAX_CHANNELS, Shape, layer};
 use crate::features::FEATURE_CHANNELS;
-use crate::image::Image;
 use crate::simd::Isa;
 use rayon::prelude::*;
 
@@ -116,57 +114,4 @@ fn tile_gradient(
         }
     }
     gradient
-}
-
-/// Side of the windows that [`run`] works in, without their halo.
-const RUN_TILE: usize = 96;
-
-/// Network outputs before activation for a whole picture, `[outputs, H, W]`, of features
-/// `[13, H, W]`. Works in windows with a halo of the network's radius; at the picture's border the
-/// zero padding of every layer is exact, so the tiling does not show.
-pub fn run(isa: Isa, network: &Network, features: &Image) -> Image {
-    let (height, width) = (features.height(), features.width());
-    let shape = &network.shape;
-    let packed = packed_layers(isa, shape, &network.weights);
-    let windows: Vec<(usize, usize)> = (0..height)
-        .step_by(RUN_TILE)
-        .flat_map(|top| (0..width).step_by(RUN_TILE).map(move |left| (top, left)))
-        .collect();
-    let tiles: Vec<Image> = windows
-        .par_iter()
-        .map(|&(top, left)| run_window(isa, shape, &packed, features, top, left))
-        .collect();
-    let mut out = Image::zeros(shape.outputs, height, width);
-    for (&(top, left), tile) in windows.iter().zip(&tiles) {
-        for c in 0..shape.outputs {
-            for y in 0..tile.height() {
-                let to = (top + y) * width + left;
-                out.plane_mut(c)[to..to + tile.width()]
-                    .copy_from_slice(&tile.plane(c)[y * tile.width()..(y + 1) * tile.width()]);
-            }
-        }
-    }
-    out
-}
-
-fn run_window(isa: Isa, shape: &Shape, packed: &[Packed], features: &Image, top: usize, left: usize) -> Image {
-    let halo = shape.radius();
-    let bottom = (top + RUN_TILE).min(features.height());
-    let right = (left + RUN_TILE).min(features.width());
-    let (y0, x0) = (top.saturating_sub(halo), left.saturating_sub(halo));
-    let (y1, x1) = ((bottom + halo).min(features.height()), (right + halo).min(features.width()));
-    let window = features.crop(y0, x0, y1 - y0, x1 - x0);
-    let geometry = Geometry::new(window.height(), window.width());
-    let mut current = Planes::from_planar(geometry, FEATURE_CHANNELS, window.data());
-    let mut next = Planes::zeros(geometry, MAX_CHANNELS);
-    for (l, packed) in packed.iter().enumerate() {
-        convolve(isa, &current, packed, finish_of(shape, l), &mut next);
-        if l == 0 {
-            current = Planes::zeros(geometry, MAX_CHANNELS);
-        }
-        std::mem::swap(&mut current, &mut next);
-    }
-    let mut out = Image::zeros(shape.outputs, window.height(), window.width());
-    current.copy_to(out.data_mut());
-    out.crop(top - y0, left - x0, bottom - top, right - left)
 }

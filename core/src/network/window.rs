@@ -1,11 +1,19 @@
-//! The network over one window at a time, for inference: weights packed once, nothing saved.
+//! The network for inference: over one window at a time, or over a picture in windows; weights packed
+//! once, nothing saved.
 
 use super::conv::{Finish, Packed, convolve};
 use super::planes::{Geometry, Planes};
 use super::{MAX_CHANNELS, Network, Shape, layer};
 use crate::features::FEATURE_CHANNELS;
+use crate::gc::Region;
+use crate::image::Image;
 use crate::parameters::{Form, activate};
+use crate::plan::Plan;
 use crate::simd::Isa;
+use rayon::prelude::*;
+
+/// Side of the windows that a picture is computed in, without their halo.
+const PICTURE_WINDOW: usize = 96;
 
 /// A network ready to run over windows of any size, from any number of threads.
 pub struct WindowNetwork {
@@ -71,5 +79,45 @@ impl WindowNetwork {
         }
         current.copy_to(out);
         activate(self.isa, self.form, out);
+    }
+
+    /// Activated parameters `[P, H, W]` of a picture's features `[13, H, W]`, zero in windows that the
+    /// plan skips. Windows have a halo of the network's radius; at the picture's border the zero
+    /// padding of every layer is exact, so the tiling does not show.
+    pub fn run_picture(&self, features: &Image, plan: &Plan) -> Image {
+        let (height, width) = (features.height(), features.width());
+        let windows: Vec<Region> = (0..height)
+            .step_by(PICTURE_WINDOW)
+            .flat_map(|top| (0..width).step_by(PICTURE_WINDOW).map(move |left| (top, left)))
+            .map(|(top, left)| Region {
+                top,
+                left,
+                height: PICTURE_WINDOW.min(height - top),
+                width: PICTURE_WINDOW.min(width - left),
+            })
+            .filter(|window| plan.touches(window))
+            .collect();
+        let tiles: Vec<Image> = windows.par_iter().map(|window| self.run_with_halo(features, window)).collect();
+        let mut out = Image::zeros(self.shape.outputs, height, width);
+        for (window, tile) in windows.iter().zip(&tiles) {
+            for c in 0..self.shape.outputs {
+                for (y, row) in tile.plane(c).chunks_exact(window.width).enumerate() {
+                    let to = (window.top + y) * width + window.left;
+                    out.plane_mut(c)[to..to + window.width].copy_from_slice(row);
+                }
+            }
+        }
+        out
+    }
+
+    fn run_with_halo(&self, features: &Image, window: &Region) -> Image {
+        let halo = self.shape.radius();
+        let (top, left) = (window.top.saturating_sub(halo), window.left.saturating_sub(halo));
+        let bottom = (window.top + window.height + halo).min(features.height());
+        let right = (window.left + window.width + halo).min(features.width());
+        let input = features.crop(top, left, bottom - top, right - left);
+        let mut out = Image::zeros(self.shape.outputs, input.height(), input.width());
+        self.run(input.data(), input.height(), input.width(), out.data_mut());
+        out.crop(window.top - top, window.left - left, window.height, window.width)
     }
 }

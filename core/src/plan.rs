@@ -1,0 +1,126 @@
+//! What of a picture is worth computing: plain data that trainer and inference obey.
+//!
+//! A pixel whose three radiance values are the same in both halves shows no noise: background, or an
+//! emitter seen directly. Blocks made of such pixels (and of missing ones) are left as the denoiser
+//! made them; neither network nor g_c runs there, training never visits them, and the number of
+//! steps shrinks with the share of the picture that is left.
+
+use crate::features::RADIANCE;
+use crate::gc::Region;
+use crate::image::Image;
+
+/// Rows of a block.
+pub const BLOCK_ROWS: usize = 8;
+/// Columns of a block, one vector of the widest instruction set.
+pub const BLOCK_COLUMNS: usize = 16;
+
+/// Which blocks of a picture are computed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    height: usize,
+    width: usize,
+    /// Row-major over blocks.
+    active: Vec<bool>,
+    /// Share of the picture's pixels that lie in active blocks, 0..1.
+    pub active_share: f64,
+}
+
+impl Plan {
+    /// The plan of two feature tensors `[13, H, W]`; `valid` is zero at missing pixels.
+    pub fn new(halves: &[Image; 2], valid: Option<&Image>) -> Self {
+        let (height, width) = (halves[0].height(), halves[0].width());
+        let noisy = |i: usize| {
+            valid.is_none_or(|v| v.plane(0)[i] != 0.0)
+                && (RADIANCE..RADIANCE + 3).any(|k| halves[0].plane(k)[i] != halves[1].plane(k)[i])
+        };
+        let (rows, columns) = (height.div_ceil(BLOCK_ROWS), width.div_ceil(BLOCK_COLUMNS));
+        let mut plan = Self { height, width, active: vec![false; rows * columns], active_share: 0.0 };
+        let mut pixels = 0;
+        for block in 0..rows * columns {
+            let region = plan.block(block);
+            let mut inside = (region.top..region.top + region.height)
+                .flat_map(|y| (region.left..region.left + region.width).map(move |x| y * width + x));
+            plan.active[block] = inside.any(noisy);
+            pixels += if plan.active[block] { region.pixels() } else { 0 };
+        }
+        plan.active_share = pixels as f64 / (height * width).max(1) as f64;
+        plan
+    }
+
+    /// A plan that computes everything.
+    pub fn everything(height: usize, width: usize) -> Self {
+        let blocks = height.div_ceil(BLOCK_ROWS) * width.div_ceil(BLOCK_COLUMNS);
+        Self { height, width, active: vec![true; blocks], active_share: 1.0 }
+    }
+
+    fn columns(&self) -> usize {
+        self.width.div_ceil(BLOCK_COLUMNS)
+    }
+
+    fn block(&self, block: usize) -> Region {
+        let (top, left) = (block / self.columns() * BLOCK_ROWS, block % self.columns() * BLOCK_COLUMNS);
+        Region {
+            top,
+            left,
+            height: BLOCK_ROWS.min(self.height - top),
+            width: BLOCK_COLUMNS.min(self.width - left),
+        }
+    }
+
+    /// Active blocks, in row order.
+    pub fn active_blocks(&self) -> Vec<Region> {
+        (0..self.active.len()).filter(|&b| self.active[b]).map(|b| self.block(b)).collect()
+    }
+
+    /// Runs of active blocks of one block row, as wide as they go: what g_c is computed on.
+    pub fn runs(&self) -> Vec<Region> {
+        let mut runs: Vec<Region> = Vec::new();
+        for block in self.active_blocks() {
+            match runs.last_mut() {
+                Some(run) if run.top == block.top && run.left + run.width == block.left => run.width += block.width,
+                _ => runs.push(block),
+            }
+        }
+        runs
+    }
+
+    /// Whether any block that touches the region is active.
+    pub fn touches(&self, region: &Region) -> bool {
+        let rows = region.top / BLOCK_ROWS..(region.top + region.height).div_ceil(BLOCK_ROWS);
+        let columns = region.left / BLOCK_COLUMNS..(region.left + region.width).div_ceil(BLOCK_COLUMNS);
+        rows.into_iter().any(|row| columns.clone().any(|column| self.active[row * self.columns() + column]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::FEATURE_CHANNELS;
+
+    #[test]
+    fn runs_cover_every_noisy_pixel_and_no_still_block() {
+        for (height, width) in [(1, 1), (9, 33), (40, 100)] {
+            let quiet = Image::filled(FEATURE_CHANNELS, height, width, 0.5);
+            let mut noisy = quiet.clone();
+            let spots = [(0, 0), (height - 1, width - 1), (height / 2, width / 3)];
+            spots.iter().for_each(|&(y, x)| noisy.set(1, y, x, 0.6));
+            let plan = Plan::new(&[quiet, noisy], None);
+            let runs = plan.runs();
+            let inside = |r: &Region, y: usize, x: usize| {
+                (r.top..r.top + r.height).contains(&y) && (r.left..r.left + r.width).contains(&x)
+            };
+            assert!(spots.iter().all(|&(y, x)| runs.iter().filter(|r| inside(r, y, x)).count() == 1));
+            let pixels: usize = runs.iter().map(Region::pixels).sum();
+            assert_eq!(pixels as f64 / (height * width) as f64, plan.active_share);
+            assert!(pixels <= spots.len() * BLOCK_ROWS * BLOCK_COLUMNS);
+        }
+    }
+
+    #[test]
+    fn equal_halves_leave_nothing_to_do() {
+        let still = Image::filled(FEATURE_CHANNELS, 20, 50, 1.0);
+        let plan = Plan::new(&[still.clone(), still], None);
+        assert!(plan.runs().is_empty() && plan.active_share == 0.0);
+        assert!(!plan.touches(&Region { top: 0, left: 0, height: 20, width: 50 }));
+    }
+}
