@@ -33,7 +33,7 @@ pub struct EvaluateArguments {
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub exposure: Option<f32>,
 
-    /// Write the picture's error, (x - r)^2 / (mean(r)^2 + 0.01), in colours from 1e-4 (black) to 1 (white)
+    /// Write the picture's error, (x - r)^2 / (mean(r)^2 + 0.01), in colours from 1e-4 (black) to 1 (pale yellow)
     #[arg(long, value_name = "PNG")]
     pub error_map: Option<PathBuf>,
 

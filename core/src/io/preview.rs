@@ -5,7 +5,6 @@ use crate::frame::Reference;
 use crate::image::Image;
 use crate::io::atomic::atomic_write;
 use crate::metric::relative::rel_l2_map;
-use std::f32::consts::TAU;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -70,27 +69,36 @@ pub fn tone_map(image: &Image, exposure: f32) -> Rgb8 {
 }
 
 /// The error of each pixel, (x - r)² / (r̄² + 0.01) averaged over the channels, in colours from black through
-/// blue, green and orange to white: the logarithm from [`ERROR_MAP_LOW`] to [`ERROR_MAP_HIGH`] is the position on
-/// Green's cubehelix, whose luminance rises steadily. Missing pixels become [`MISSING`].
+/// violet, red and orange to pale yellow: the logarithm from [`ERROR_MAP_LOW`] to [`ERROR_MAP_HIGH`] is the position on
+/// [`magma`]. Missing pixels become [`MISSING`].
 pub fn error_map(image: &Image, reference: &Reference) -> Rgb8 {
     let errors = rel_l2_map(image, &reference.mean);
     let span = (ERROR_MAP_HIGH / ERROR_MAP_LOW).ln();
     let colours = errors.data().iter().flat_map(|&error| match error.is_finite() {
-        true => cubehelix((error.max(ERROR_MAP_LOW) / ERROR_MAP_LOW).ln() / span),
+        true => magma((error.max(ERROR_MAP_LOW) / ERROR_MAP_LOW).ln() / span),
         false => MISSING,
     });
     Rgb8 { width: image.width(), height: image.height(), data: colours.collect() }
 }
 
-/// D. A. Green, "A colour scheme for the display of astronomical intensity images", 2011, Eq. 2, with start 0.5,
-/// -1.5 rotations, hue 1 and gamma 1; `position` is clamped to 0..1.
-pub fn cubehelix(position: f32) -> [u8; 3] {
-    let t = position.clamp(0.0, 1.0);
-    let angle = TAU * (0.5 / 3.0 + 1.0 - 1.5 * t);
-    let amplitude = t * (1.0 - t) / 2.0;
-    let (sin, cos) = angle.sin_cos();
-    let channel = |c: f32, s: f32| quantise(t + amplitude * (c * cos + s * sin));
-    [channel(-0.148_61, 1.782_77), channel(-0.292_27, -0.906_49), channel(1.972_94, 0.0)]
+/// A point on the colour map "magma" (S. van der Walt and N. Smith, 2015, public domain), interpolated between nine of
+/// its colours: luminance rises evenly from black to pale yellow. `position` is clamped to 0..1.
+pub fn magma(position: f32) -> [u8; 3] {
+    const COLOURS: [[u8; 3]; 9] = [
+        [0, 0, 4],
+        [28, 16, 68],
+        [79, 18, 123],
+        [129, 37, 129],
+        [181, 54, 122],
+        [229, 80, 100],
+        [251, 135, 97],
+        [254, 194, 135],
+        [252, 253, 191],
+    ];
+    let at = position.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f32;
+    let below = (at as usize).min(COLOURS.len() - 2);
+    let (low, high, t) = (COLOURS[below], COLOURS[below + 1], at - below as f32);
+    [0, 1, 2].map(|c| quantise((f32::from(low[c]) * (1.0 - t) + f32::from(high[c]) * t) / 255.0))
 }
 
 fn quantise(value: f32) -> u8 {
@@ -148,12 +156,13 @@ mod tests {
     }
 
     #[test]
-    fn error_colours_run_from_black_to_white_with_rising_luminance() {
-        assert_eq!(cubehelix(0.0), [0, 0, 0]);
-        assert_eq!(cubehelix(1.0), [255, 255, 255]);
-        let luminance = |[r, g, b]: [u8; 3]| 0.30 * f32::from(r) + 0.59 * f32::from(g) + 0.11 * f32::from(b);
+    fn error_colours_run_from_black_to_pale_yellow_with_rising_luminance() {
+        assert_eq!(magma(-1.0), [0, 0, 4]);
+        assert_eq!(magma(0.5), [181, 54, 122]);
+        assert_eq!(magma(2.0), [252, 253, 191]);
+        let luminance = |[r, g, b]: [u8; 3]| 0.2126 * f32::from(r) + 0.7152 * f32::from(g) + 0.0722 * f32::from(b);
         for i in 0..64 {
-            let (low, high) = (cubehelix(i as f32 / 64.0), cubehelix((i + 1) as f32 / 64.0));
+            let (low, high) = (magma(i as f32 / 64.0), magma((i + 1) as f32 / 64.0));
             // One level of slack for rounding of three channels.
             assert!(luminance(high) + 1.0 > luminance(low), "at {i}");
         }

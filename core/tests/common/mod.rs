@@ -2,8 +2,8 @@
 #![allow(dead_code)]
 
 use exr::compression::Compression;
-use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Layers};
-use exr::meta::attribute::Text;
+use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer, Layers};
+use exr::meta::attribute::{LineOrder, Text};
 use exr::meta::header::LayerAttributes;
 use exr::prelude::{WritableImage, f16};
 use std::path::{Path, PathBuf};
@@ -19,11 +19,13 @@ pub struct Part<'a> {
     pub position: (i32, i32),
     pub half: bool,
     pub compression: Compression,
+    /// Width and height of tiles; scan lines when `None`.
+    pub tiles: Option<(usize, usize)>,
 }
 
 impl Default for Part<'_> {
     fn default() -> Self {
-        Self { name: "", channels: &[], size: (W, H), position: (0, 0), half: false, compression: Compression::ZIP16 }
+        Self { name: "", channels: &[], size: (W, H), position: (0, 0), half: false, compression: Compression::ZIP16, tiles: None }
     }
 }
 
@@ -62,7 +64,8 @@ fn layer(seed: u64, part: &Part) -> Layer<AnyChannels<FlatSamples>> {
         };
         AnyChannel::new(name, samples)
     });
-    let encoding = Encoding { compression: part.compression, ..Encoding::FAST_LOSSLESS };
+    let blocks = part.tiles.map_or(Blocks::ScanLines, |tile| Blocks::Tiles(tile.into()));
+    let encoding = Encoding { compression: part.compression, blocks, line_order: LineOrder::Increasing };
     let mut attributes = LayerAttributes { layer_position: part.position.into(), ..LayerAttributes::default() };
     if !part.name.is_empty() {
         attributes.layer_name = Some(Text::from(part.name));
