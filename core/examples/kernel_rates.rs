@@ -78,7 +78,8 @@ fn main() {
             );
             let answer = (corrected, out);
             if let Some(first) = &first {
-                let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * b.abs().max(1.0));
+                let close =
+                    |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * b.abs().max(1.0));
                 assert!(close(&answer.0, &first.0) && close(&answer.1, &first.1), "{} disagrees", isa.name());
             } else {
                 first = Some(answer);

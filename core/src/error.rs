@@ -97,18 +97,26 @@ impl Error {
     /// One line of advice for the person at the command line.
     pub fn advice(&self) -> &'static str {
         match self {
-            Error::MissingFile { .. } => "check the path; every half, denoised half and reference must exist before the run",
+            Error::MissingFile { .. } => {
+                "check the path; every half, denoised half and reference must exist before the run"
+            }
             Error::Unreadable { .. } => "check the file's permissions and the disk it lies on",
             Error::NotExr { .. } => "give OpenEXR files; convert other formats first, keeping linear values",
             Error::Damaged { .. } => "render or copy the file again; it may still be being written",
-            Error::Unsupported { .. } => "write flat, unsampled half or float channels (no deep data, no chroma subsampling)",
+            Error::Unsupported { .. } => {
+                "write flat, unsampled half or float channels (no deep data, no chroma subsampling)"
+            }
             Error::TooLarge { .. } => "the header does not fit the file; render or copy it again",
-            Error::MissingRole { .. } => "name the channels with --role, e.g. --role albedo=LAYER or --role denoised-a=FILE.exr",
+            Error::MissingRole { .. } => {
+                "name the channels with --role, e.g. --role albedo=LAYER or --role denoised-a=FILE.exr"
+            }
             Error::SizeMismatch { .. } => "render all files of a frame with one resolution and one data window",
             Error::IdenticalHalves { .. } => "render the second half with another seed",
             Error::NothingFinite { .. } => "check the render; its colour holds no usable value",
             Error::Override { .. } => "write ROLE[-a|-b|-full]=LAYER, =CH,CH,CH, =FILE.exr, =FILE.exr:LAYER or =none",
-            Error::Pattern { .. } => "write shot.####.exr or shot.%04d.exr, and frames as 1001-1020, 1-100x5 or 1001,1005-1010",
+            Error::Pattern { .. } => {
+                "write shot.####.exr or shot.%04d.exr, and frames as 1001-1020, 1-100x5 or 1001,1005-1010"
+            }
             Error::Output { .. } => "choose another output path",
             Error::Unwritable { .. } => "check that the folder exists, may be written to and has space left",
         }

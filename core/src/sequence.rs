@@ -197,7 +197,8 @@ fn parse_range(text: &str, part: &str) -> Result<Range, Error> {
     let number = |digits: &str| {
         let plain = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
         let parsed = digits.parse::<u32>().ok().filter(|number| plain && *number <= MAX_FRAME);
-        parsed.ok_or_else(|| wrong_frames(text, &format!("frame numbers from 0 to {MAX_FRAME}"), &format!("'{digits}'")))
+        parsed
+            .ok_or_else(|| wrong_frames(text, &format!("frame numbers from 0 to {MAX_FRAME}"), &format!("'{digits}'")))
     };
     let Some((first, rest)) = part.split_once('-') else {
         let frame = number(part)?;

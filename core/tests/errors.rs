@@ -32,10 +32,16 @@ fn files_that_are_not_there_or_not_exr() {
     let folder = tempfile::tempdir().expect("folder");
     let (a, b) = write_halves(folder.path());
     let nowhere = folder.path().join("nowhere.exr");
-    assert_says(&error_of(&FrameFiles::halves(&a, &nowhere)), &["nowhere.exr", "no such file", "noisy colour of half b"]);
+    assert_says(
+        &error_of(&FrameFiles::halves(&a, &nowhere)),
+        &["nowhere.exr", "no such file", "noisy colour of half b"],
+    );
     let text = folder.path().join("text.exr");
     std::fs::write(&text, "these are\nnot pixels").expect("written");
-    assert_says(&error_of(&FrameFiles::halves(&a, &text)), &["text.exr", "not an OpenEXR file", "these are\\nnot", "half b"]);
+    assert_says(
+        &error_of(&FrameFiles::halves(&a, &text)),
+        &["text.exr", "not an OpenEXR file", "these are\\nnot", "half b"],
+    );
     let empty = folder.path().join("empty.exr");
     std::fs::write(&empty, "").expect("written");
     assert_says(&error_of(&FrameFiles::halves(&empty, &b)), &["empty.exr", "an empty file", "half a"]);
@@ -86,7 +92,10 @@ fn sizes_and_windows_must_agree() {
         write_parts(&folder.path().join(name), 3, &[part])
     };
     let tall = write("tall.exr", HALF, (W, H + 1), (0, 0));
-    assert_says(&error_of(&FrameFiles::halves(&a, &tall)), &["tall.exr", "7x6", "7x5", "a.exr", "noisy colour of half b"]);
+    assert_says(
+        &error_of(&FrameFiles::halves(&a, &tall)),
+        &["tall.exr", "7x6", "7x5", "a.exr", "noisy colour of half b"],
+    );
     let moved = write("moved.exr", HALF, (W, H), (2, -1));
     assert_says(&error_of(&FrameFiles::halves(&a, &moved)), &["moved.exr", "7x5 at (2, -1)"]);
     let full = write("full.exr", &["R", "G", "B"], (W + 1, H), (0, 0));
@@ -108,13 +117,19 @@ fn missing_roles_are_named_with_what_is_there() {
         &["features.exr", "no noisy colour of half a", "Noisy Image".to_lowercase().as_str(), "albedo.bgr"],
     );
     let bare = write_file(&path("bare.exr"), 3, &["R", "G", "B"]);
-    assert_says(&error_of(&FrameFiles::halves(&a, &bare)), &["bare.exr", "no denoised colour of half b", "denoised", "file of its own", "BGR"]);
+    assert_says(
+        &error_of(&FrameFiles::halves(&a, &bare)),
+        &["bare.exr", "no denoised colour of half b", "denoised", "file of its own", "BGR"],
+    );
     assert_says(&error_of(&FrameFiles::both_in_one(&a)), &["a.exr", "noisy colour of half a", "marked even, a"]);
     let halves = FrameFiles::halves(&a, &b);
     assert_says(&error_with(&halves, &["albedo=gloss"]), &["'gloss'", "albedo of half a", "normal.xyz"]);
     assert_says(&error_with(&halves, &["normal-b=normal.X,normal.Y,normal.W"]), &["normal.W", "half b"]);
     assert_says(&error_with(&halves, &["denoised-a=visibility"]), &["3 channel(s) in layer 'visibility'"]);
-    assert_says(&read_reference(&features, None).expect_err("no colour"), &["features.exr", "reference", "a.R,a.G,a.B"]);
+    assert_says(
+        &read_reference(&features, None).expect_err("no colour"),
+        &["features.exr", "reference", "a.R,a.G,a.B"],
+    );
 }
 
 #[test]
@@ -123,7 +138,10 @@ fn halves_that_are_the_same_samples() {
     let (a, b) = write_halves(folder.path());
     let copy = folder.path().join("copy.exr");
     std::fs::copy(&a, &copy).expect("copied");
-    assert_says(&error_of(&FrameFiles::halves(&a, &copy)), &["copy.exr", "a.exr", "independent", "same value in every pixel"]);
+    assert_says(
+        &error_of(&FrameFiles::halves(&a, &copy)),
+        &["copy.exr", "a.exr", "independent", "same value in every pixel"],
+    );
     assert_says(&error_of(&FrameFiles::halves(&a, &a)), &["a.exr", "noisy colour of half b"]);
     let full = write_file(&folder.path().join("full.exr"), 9, &["R", "G", "B"]);
     let files = FrameFiles::halves(&a, &b).with_denoised(Some(full.clone()), Some(full), None);

@@ -109,7 +109,10 @@ fn psnr_by_hand() {
     let difference = f64::from(display(0.5, 1.0) - display(0.25, 1.0));
     assert_near(Displayed::new(&x, &r, 1.0).psnr(), -20.0 * difference.log10(), EXACT);
     // 18 % grey at exposure 2 is 36 % grey.
-    assert_eq!(Displayed::new(&Image::filled(3, 1, 1, 0.18), &r.crop(0, 0, 1, 1), 2.0).picture.at(0, 0, 0), display(0.36, 1.0));
+    assert_eq!(
+        Displayed::new(&Image::filled(3, 1, 1, 0.18), &r.crop(0, 0, 1, 1), 2.0).picture.at(0, 0, 0),
+        display(0.36, 1.0)
+    );
 }
 
 /// SSIM of one pixel straight from Wang et al. 2004.

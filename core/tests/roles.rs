@@ -24,9 +24,27 @@ fn names(list: &str) -> Vec<&str> {
 /// Each line: a renderer's way to name noisy colour, denoised colour, albedo, normal and visibility ('-' = none),
 /// with spaces inside names written as '+'.
 const RENDERERS: &[[&str; 5]] = &[
-    ["R G B", "denoised.R denoised.G denoised.B", "albedo.R albedo.G albedo.B", "normal.X normal.Y normal.Z", "visibility.Y"],
-    ["r g b", "x_denoised.r x_denoised.g x_denoised.b", "ALBEDO.red ALBEDO.green ALBEDO.blue", "Nx Ny Nz", "visibility"],
-    ["Beauty.R Beauty.G Beauty.B", "VRayDenoiser.R VRayDenoiser.G VRayDenoiser.B", "DiffCol.R DiffCol.G DiffCol.B", "normals.R normals.G normals.B", "-"],
+    [
+        "R G B",
+        "denoised.R denoised.G denoised.B",
+        "albedo.R albedo.G albedo.B",
+        "normal.X normal.Y normal.Z",
+        "visibility.Y",
+    ],
+    [
+        "r g b",
+        "x_denoised.r x_denoised.g x_denoised.b",
+        "ALBEDO.red ALBEDO.green ALBEDO.blue",
+        "Nx Ny Nz",
+        "visibility",
+    ],
+    [
+        "Beauty.R Beauty.G Beauty.B",
+        "VRayDenoiser.R VRayDenoiser.G VRayDenoiser.B",
+        "DiffCol.R DiffCol.G DiffCol.B",
+        "normals.R normals.G normals.B",
+        "-",
+    ],
     [
         "View.Noisy+Image.R View.Noisy+Image.G View.Noisy+Image.B",
         "View.Combined.R View.Combined.G View.Combined.B",
@@ -34,9 +52,27 @@ const RENDERERS: &[[&str; 5]] = &[
         "View.Denoising+Normal.X View.Denoising+Normal.Y View.Denoising+Normal.Z",
         "-",
     ],
-    ["C.r C.g C.b", "effectsResult.R effectsResult.G effectsResult.B", "VisibleDiffuse.R VisibleDiffuse.G VisibleDiffuse.B", "OptixNormals.X OptixNormals.Y OptixNormals.Z", "Visibility.V"],
-    ["Ci.R Ci.G Ci.B", "Ci_filtered.R Ci_filtered.G Ci_filtered.B", "diffuse_albedo.R diffuse_albedo.G diffuse_albedo.B", "Nn.X Nn.Y Nn.Z", "-"],
-    ["R G B", ".denoImgFull.R .denoImgFull.G .denoImgFull.B", "denoise_albedo.R denoise_albedo.G denoise_albedo.B", "N_noice.X N_noice.Y N_noice.Z", "-"],
+    [
+        "C.r C.g C.b",
+        "effectsResult.R effectsResult.G effectsResult.B",
+        "VisibleDiffuse.R VisibleDiffuse.G VisibleDiffuse.B",
+        "OptixNormals.X OptixNormals.Y OptixNormals.Z",
+        "Visibility.V",
+    ],
+    [
+        "Ci.R Ci.G Ci.B",
+        "Ci_filtered.R Ci_filtered.G Ci_filtered.B",
+        "diffuse_albedo.R diffuse_albedo.G diffuse_albedo.B",
+        "Nn.X Nn.Y Nn.Z",
+        "-",
+    ],
+    [
+        "R G B",
+        ".denoImgFull.R .denoImgFull.G .denoImgFull.B",
+        "denoise_albedo.R denoise_albedo.G denoise_albedo.B",
+        "N_noice.X N_noice.Y N_noice.Z",
+        "-",
+    ],
 ];
 
 #[test]
@@ -75,11 +111,7 @@ fn one_part_per_pass_is_read_like_one_file() {
                 part("L.Noisy Image", &["L.Noisy Image.R", "L.Noisy Image.G", "L.Noisy Image.B"]),
                 part("L.Depth", &["L.Depth.Z"]),
             ],
-            false => [
-                part("denoised", &["R", "G", "B"]),
-                part("beauty", &["R", "G", "B", "A"]),
-                part("depth", &["Z"]),
-            ],
+            false => [part("denoised", &["R", "G", "B"]), part("beauty", &["R", "G", "B", "A"]), part("depth", &["Z"])],
         }
     };
     for (named, radiance, denoised) in [
@@ -149,7 +181,8 @@ fn separate_files_and_the_papers_folders_are_read() {
     let target = root.join("target/hall");
     std::fs::create_dir_all(&input).expect("folder");
     std::fs::create_dir_all(&target).expect("folder");
-    let stems = ["randImgA", "randImgB", "denoImgA", "denoImgB", "denoImg", "albedoA", "albedoB", "visibilityA", "visibilityB"];
+    let stems =
+        ["randImgA", "randImgB", "denoImgA", "denoImgB", "denoImg", "albedoA", "albedoB", "visibilityA", "visibilityB"];
     for (seed, stem) in stems.iter().enumerate() {
         write_file(&input.join(format!("hall_8spp_{stem}.exr")), seed as u64, &["R", "G", "B"]);
     }
@@ -178,11 +211,22 @@ fn a_reference_without_colour_is_the_mean_of_its_halves() {
 fn absent_features_and_lossy_files_are_warned_of() {
     let folder = tempfile::tempdir().expect("folder");
     let lossy = |name: &str, seed| {
-        let part = Part { channels: &HALF[..7], compression: exr::compression::Compression::B44, half: true, ..Part::default() };
+        let part = Part {
+            channels: &HALF[..7],
+            compression: exr::compression::Compression::B44,
+            half: true,
+            ..Part::default()
+        };
         write_parts(&folder.path().join(name), seed, &[part])
     };
     let frame = read(&FrameFiles::halves(lossy("a.exr", 1), lossy("b.exr", 2)), &[]).expect("frame");
-    for line in ["no albedo", "no normal", "no visibility", "no denoised full buffer", "noisy colour of half a was stored with lossy B44"] {
+    for line in [
+        "no albedo",
+        "no normal",
+        "no visibility",
+        "no denoised full buffer",
+        "noisy colour of half a was stored with lossy B44",
+    ] {
         assert!(frame.warnings.iter().any(|warning| warning.contains(line)), "{line}: {:?}", frame.warnings);
     }
     assert!(frame.warnings.iter().all(|line| !line.contains('\n')));
@@ -201,13 +245,18 @@ fn a_feature_of_one_half_only_is_not_used() {
 #[test]
 fn a_second_view_layer_is_passed_over_and_said_so() {
     let folder = tempfile::tempdir().expect("folder");
-    let list = names("One.Combined.R One.Combined.G One.Combined.B Two.Combined.R Two.Combined.G Two.Combined.B denoised.R denoised.G denoised.B");
+    let list = names(
+        "One.Combined.R One.Combined.G One.Combined.B Two.Combined.R Two.Combined.G Two.Combined.B denoised.R denoised.G denoised.B",
+    );
     let files = FrameFiles::halves(
         write_file(&folder.path().join("a.exr"), 1, &list),
         write_file(&folder.path().join("b.exr"), 2, &list),
     );
     let frame = read(&files, &[]).expect("frame");
-    assert_eq!(channels(&frame, Role::Radiance, Buffer::B).as_deref(), Some("One.Combined.R,One.Combined.G,One.Combined.B"));
+    assert_eq!(
+        channels(&frame, Role::Radiance, Buffer::B).as_deref(),
+        Some("One.Combined.R,One.Combined.G,One.Combined.B")
+    );
     assert!(frame.warnings.iter().any(|line| line.contains("passed over Two.Combined")), "{:?}", frame.warnings);
 }
 
@@ -222,7 +271,8 @@ fn correlated_halves_and_neighbours_are_warned_of() {
         sspc_core::io::write::write_picture(&path, &[], picture, &[]).expect("written");
         path
     };
-    let mix = |a: &Image, b: &Image, s: f32| Image::from_fn(3, size.1, size.0, |c, y, x| a.at(c, y, x) + s * b.at(c, y, x));
+    let mix =
+        |a: &Image, b: &Image, s: f32| Image::from_fn(3, size.1, size.0, |c, y, x| a.at(c, y, x) + s * b.at(c, y, x));
     let blur = |a: &Image| Image::from_fn(3, size.1, size.0, |c, y, x| a.at(c, y, x) + a.at(c, y, (x + 1) % size.0));
     let flat = write("za.exr", &Image::filled(3, size.1, size.0, 0.5));
     let flat_b = write("zb.exr", &Image::filled(3, size.1, size.0, 0.501));

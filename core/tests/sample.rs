@@ -19,8 +19,11 @@ fn data(folder: &str) -> PathBuf {
 #[test]
 fn the_sample_is_complete() {
     let root = data("sample");
-    let files = FrameFiles::halves(root.join("a.exr"), root.join("b.exr"))
-        .with_denoised(None, None, Some(root.join("denoised.exr")));
+    let files = FrameFiles::halves(root.join("a.exr"), root.join("b.exr")).with_denoised(
+        None,
+        None,
+        Some(root.join("denoised.exr")),
+    );
     let frame = read_frame(&files, &RoleOverrides::none()).expect("sample");
     assert_eq!((frame.width(), frame.height()), (256, 192));
     assert_eq!(frame.warnings, Vec::<String>::new());

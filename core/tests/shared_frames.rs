@@ -62,10 +62,7 @@ fn blenders_parts_are_read_unasked() {
         let source = frame.sources.iter().find(|s| (s.role, s.buffer) == (role, buffer)).expect("source");
         source.channels.join(",")
     };
-    assert_eq!(
-        named(Role::Radiance, Buffer::A),
-        "ViewLayer.Combined.R,ViewLayer.Combined.G,ViewLayer.Combined.B"
-    );
+    assert_eq!(named(Role::Radiance, Buffer::A), "ViewLayer.Combined.R,ViewLayer.Combined.G,ViewLayer.Combined.B");
     assert_eq!(
         named(Role::Normal, Buffer::B),
         "ViewLayer.Denoising Normal.X,ViewLayer.Denoising Normal.Y,ViewLayer.Denoising Normal.Z"

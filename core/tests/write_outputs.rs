@@ -71,7 +71,11 @@ fn one_part_keeps_its_other_channels_windows_and_attributes() {
 fn every_part_is_kept_and_the_shown_one_replaced() {
     let folder = tempfile::tempdir().expect("folder");
     let parts = [
-        Part { name: "L.Combined", channels: &["L.Combined.R", "L.Combined.G", "L.Combined.B", "L.Combined.A"], ..Part::default() },
+        Part {
+            name: "L.Combined",
+            channels: &["L.Combined.R", "L.Combined.G", "L.Combined.B", "L.Combined.A"],
+            ..Part::default()
+        },
         Part { name: "L.Depth", channels: &["L.Depth.Z"], compression: Compression::PIZ, ..Part::default() },
         Part { name: "L.Index", channels: &["L.Index.X"], half: true, ..Part::default() },
     ];

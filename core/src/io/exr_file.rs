@@ -167,7 +167,12 @@ fn check_claims(headers: &[Header], file_bytes: u64, path: &Path, purpose: Purpo
         let Vec2(width, height) = header.layer_size;
         if width == 0 || height == 0 {
             let expected = "at least one pixel".to_string();
-            return Err(Error::Unsupported { path: path.into(), purpose, expected, found: format!("{width}x{height}") });
+            return Err(Error::Unsupported {
+                path: path.into(),
+                purpose,
+                expected,
+                found: format!("{width}x{height}"),
+            });
         }
         if width > MAX_SIDE || height > MAX_SIDE || width * height > MAX_PIXELS {
             return Err(too_large(

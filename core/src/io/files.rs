@@ -38,10 +38,13 @@ impl FrameFiles {
 
     /// Adds the denoised halves and the denoised full buffer, each where given.
     pub fn with_denoised(self, a: Option<PathBuf>, b: Option<PathBuf>, full: Option<PathBuf>) -> Self {
-        [(Buffer::A, a), (Buffer::B, b), (Buffer::Full, full)].into_iter().fold(self, |files, (buffer, file)| match file {
-            Some(file) => files.with_role(Role::Denoised, buffer, file),
-            None => files,
-        })
+        [(Buffer::A, a), (Buffer::B, b), (Buffer::Full, full)].into_iter().fold(
+            self,
+            |files, (buffer, file)| match file {
+                Some(file) => files.with_role(Role::Denoised, buffer, file),
+                None => files,
+            },
+        )
     }
 
     /// Adds the reference.

@@ -65,7 +65,8 @@ impl Layers {
 
     /// The colour that a viewer shows: the root's, Cycles' `Combined`, or what radiance goes by.
     pub fn find_picture(&self) -> Option<Hit> {
-        let patterns = [Pattern::Whole(""), COMBINED].into_iter().chain(names::candidates(Role::Radiance).iter().copied());
+        let patterns =
+            [Pattern::Whole(""), COMBINED].into_iter().chain(names::candidates(Role::Radiance).iter().copied());
         self.first_hit(patterns, None, Role::Radiance).or_else(|| self.first_part(Role::Radiance, None))
     }
 
@@ -73,11 +74,13 @@ impl Layers {
     pub fn find_dedicated(&self, role: Role, half: Option<Buffer>) -> Option<Hit> {
         let marked = half.and_then(|half| self.find(role, Some(half)));
         let by_name = self.find(role, None).or(marked);
-        by_name.or_else(|| self.first_hit(names::candidates(Role::Radiance).iter().copied(), None, role)).or_else(|| {
-            let mut usable = self.list.iter().filter_map(|layer| layer.channels_for(role));
-            let only = usable.next().filter(|_| usable.next().is_none())?;
-            Some(Hit { channels: only, passed_over: Vec::new() })
-        })
+        by_name.or_else(|| self.first_hit(names::candidates(Role::Radiance).iter().copied(), None, role)).or_else(
+            || {
+                let mut usable = self.list.iter().filter_map(|layer| layer.channels_for(role));
+                let only = usable.next().filter(|_| usable.next().is_none())?;
+                Some(Hit { channels: only, passed_over: Vec::new() })
+            },
+        )
     }
 
     /// The components of `role` in the layer that the user named: the whole path first, then its ending.
@@ -85,7 +88,8 @@ impl Layers {
         let name = name.trim_start_matches('.').to_ascii_lowercase();
         let ending = format!(".{name}");
         let whole = self.list.iter().find(|layer| layer.path.to_ascii_lowercase() == name);
-        let layer = whole.or_else(|| self.list.iter().find(|layer| layer.path.to_ascii_lowercase().ends_with(&ending)))?;
+        let layer =
+            whole.or_else(|| self.list.iter().find(|layer| layer.path.to_ascii_lowercase().ends_with(&ending)))?;
         Some(Hit { channels: layer.channels_for(role)?, passed_over: Vec::new() })
     }
 
@@ -116,15 +120,17 @@ impl Layers {
         half: Option<Buffer>,
         role: Role,
     ) -> impl Iterator<Item = (&Layer, Vec<usize>)> {
-        let named = self.list.iter().filter(move |layer| {
-            layer.half == half && !layer.other_view && pattern.matches(&layer.base)
-        });
+        let named = self
+            .list
+            .iter()
+            .filter(move |layer| layer.half == half && !layer.other_view && pattern.matches(&layer.base));
         named.filter_map(move |layer| Some((layer, layer.channels_for(role)?)))
     }
 
     /// Colour of a multi-part file whose first part has a name of its own.
     fn first_part(&self, role: Role, half: Option<Buffer>) -> Option<Hit> {
-        let mut plain = self.list.iter().filter(|layer| layer.first_part && layer.half == half && role == Role::Radiance);
+        let mut plain =
+            self.list.iter().filter(|layer| layer.first_part && layer.half == half && role == Role::Radiance);
         Some(Hit { channels: plain.next()?.channels_for(role)?, passed_over: Vec::new() })
     }
 }

@@ -137,7 +137,11 @@ fn parse_source(text: &str, role: Role, source: &str) -> Result<Choice, Error> {
     }
     if source.eq_ignore_ascii_case("none") {
         let required = matches!(role, Role::Radiance | Role::Denoised);
-        return if required { Err(wrong(text, "a source, as this role is required", "none")) } else { Ok(Choice::Absent) };
+        return if required {
+            Err(wrong(text, "a source, as this role is required", "none"))
+        } else {
+            Ok(Choice::Absent)
+        };
     }
     let (file, channels) = split_file(source);
     let selection = match channels {
@@ -197,7 +201,17 @@ mod tests {
 
     #[test]
     fn senseless_overrides_are_refused_by_name() {
-        for text in ["albedo", "albedo=", "colour-c=x", "gloss=x", "albedo=R,G", "albedo-full=x", "radiance=none", "=", "normal=a,,b"] {
+        for text in [
+            "albedo",
+            "albedo=",
+            "colour-c=x",
+            "gloss=x",
+            "albedo=R,G",
+            "albedo-full=x",
+            "radiance=none",
+            "=",
+            "normal=a,,b",
+        ] {
             let error = text.parse::<RoleOverrides>().expect_err(text);
             assert!(error.to_string().contains(text), "{error}");
         }

@@ -123,7 +123,8 @@ impl Search<'_> {
                 let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
                 let shared = if is_feature && marked.is_none() { layers.find(role, None) } else { None };
                 if shared.is_some() && buffer == Buffer::A {
-                    self.warnings.push(format!("{role}: one layer serves both halves, so its noise is not independent"));
+                    self.warnings
+                        .push(format!("{role}: one layer serves both halves, so its noise is not independent"));
                 }
                 marked.or(shared)
             }

@@ -89,9 +89,8 @@ struct Place {
 }
 
 fn place_for(file: &ExrFile, corrected: &Image) -> Result<Place, Error> {
-    let fits = |window: &crate::io::exr_file::Window| {
-        (window.width, window.height) == (corrected.width(), corrected.height())
-    };
+    let fits =
+        |window: &crate::io::exr_file::Window| (window.width, window.height) == (corrected.width(), corrected.height());
     let hit = Layers::of(file).find_picture().map(|hit| hit.channels);
     let found = hit.as_deref().unwrap_or(&[]);
     if let &[r, g, b] = found

@@ -34,16 +34,17 @@ impl Displayed {
         let (height, width) = (picture.height(), picture.width());
         let mut shown = Image::zeros(3, height, width);
         let mut wanted = Image::zeros(3, height, width);
-        let mut valid = vec![false; picture.pixels()];
+        let mut valid = Vec::with_capacity(picture.pixels());
         for i in 0..picture.pixels() {
-            valid[i] = finite(picture, i) && finite(reference, i);
+            let both = finite(picture, i) && finite(reference, i);
+            valid.push(both);
             if !finite(reference, i) {
                 continue;
             }
             for c in 0..3 {
                 let r = display(reference.plane(c)[i], exposure);
                 wanted.plane_mut(c)[i] = r;
-                shown.plane_mut(c)[i] = if valid[i] { display(picture.plane(c)[i], exposure) } else { r };
+                shown.plane_mut(c)[i] = if both { display(picture.plane(c)[i], exposure) } else { r };
             }
         }
         Self { picture: shown, reference: wanted, valid }

@@ -29,9 +29,7 @@ pub struct Measured {
 /// # Panics
 /// When the images do not have one shape.
 pub fn rel_l2(image: &Image, reference: &Reference) -> Measured {
-    measure(image, reference, |x, r, noise, mean| {
-        ((x - r) * (x - r) - noise * noise) / (mean * mean + REL_L2_EPSILON)
-    })
+    measure(image, reference, |x, r, noise, mean| ((x - r) * (x - r) - noise * noise) / (mean * mean + REL_L2_EPSILON))
 }
 
 /// Symmetric mean absolute percentage error as a fraction: mean of |x − r| / ((|x| + |r|)/2), 0 where both are 0;

@@ -25,7 +25,15 @@ pub struct Part<'a> {
 
 impl Default for Part<'_> {
     fn default() -> Self {
-        Self { name: "", channels: &[], size: (W, H), position: (0, 0), half: false, compression: Compression::ZIP16, tiles: None }
+        Self {
+            name: "",
+            channels: &[],
+            size: (W, H),
+            position: (0, 0),
+            half: false,
+            compression: Compression::ZIP16,
+            tiles: None,
+        }
     }
 }
 
@@ -74,8 +82,20 @@ fn layer(seed: u64, part: &Part) -> Layer<AnyChannels<FlatSamples>> {
 }
 
 pub const HALF: &[&str] = &[
-    "R", "G", "B", "A", "denoised.R", "denoised.G", "denoised.B", "albedo.R", "albedo.G", "albedo.B", "normal.X",
-    "normal.Y", "normal.Z", "visibility.Y",
+    "R",
+    "G",
+    "B",
+    "A",
+    "denoised.R",
+    "denoised.G",
+    "denoised.B",
+    "albedo.R",
+    "albedo.G",
+    "albedo.B",
+    "normal.X",
+    "normal.Y",
+    "normal.Z",
+    "visibility.Y",
 ];
 
 /// Two complete halves in `folder`.
