@@ -9,9 +9,10 @@ use crate::features::RADIANCE;
 use crate::image::Image;
 use crate::objective::{RELATIVE_FLOOR, relative_weight};
 use crate::prepare::Prepared;
+use std::ops::Range;
 
 /// Side of the blocks whose scatter gives a standard error: noise is nearly independent between them.
-const BLOCK: usize = 16;
+pub const BLOCK: usize = 16;
 
 /// A mean over the picture and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -34,18 +35,39 @@ pub struct Estimate {
     pub corrected: Mean,
 }
 
-/// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units.
-pub fn loss(prepared: &Prepared, pair: &[Image]) -> f64 {
-    mean_of_pixels(prepared, RELATIVE_FLOOR, |i, weights| {
+/// Sums over blocks of pixels: those of a picture's bands, put after each other, are those of the
+/// picture, when every band begins at a multiple of [`BLOCK`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Blocks(Vec<(f64, f64)>);
+
+impl Blocks {
+    /// Adds the blocks of the next band.
+    pub fn append(&mut self, mut next: Blocks) {
+        self.0.append(&mut next.0);
+    }
+
+    /// The mean per pixel and channel, with a standard error from the scatter of blocks.
+    pub fn mean(&self) -> Mean {
+        let count: f64 = self.0.iter().map(|b| b.1).sum();
+        let mean = if count > 0.0 { self.0.iter().map(|b| b.0).sum::<f64>() / count } else { 0.0 };
+        let scatter: f64 = self.0.iter().map(|(sum, n)| (sum - mean * n).powi(2)).sum();
+        let n = self.0.len() as f64;
+        let standard_error = if n > 1.0 && count > 0.0 { (scatter * n / (n - 1.0)).sqrt() / count } else { f64::INFINITY };
+        Mean { value: mean, standard_error }
+    }
+}
+
+/// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units, over `rows`.
+pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
+    sum_blocks(prepared, RELATIVE_FLOOR, rows, |i, weights| {
         (0..2).map(|h| 0.5 * f64::from(weights[h][i]) * squared_to(prepared, &pair[h], h, i)).sum()
     })
-    .value
 }
 
 /// Unbiased estimate of how much smaller the error of `after` is than that of `before`:
-/// L̂(before) - L̂(after), which needs no variance.
-pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image]) -> Mean {
-    mean_of_pixels(prepared, RELATIVE_FLOOR, |i, weights| {
+/// L̂(before) - L̂(after), which needs no variance; over `rows`.
+pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<usize>) -> Blocks {
+    sum_blocks(prepared, RELATIVE_FLOOR, rows, |i, weights| {
         (0..2)
             .map(|h| {
                 let other = &prepared.halves[1 - h];
@@ -63,21 +85,18 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image]) -> Mean {
     })
 }
 
-/// Estimated relL2 of the mean of a pair of denoised and of a pair of corrected halves.
-pub fn estimate(prepared: &Prepared, denoised: &[Image], corrected: &[Image]) -> Estimate {
+/// Estimated relL2 of the mean of a pair of pictures, in the frame's own exposure, over `rows`.
+pub fn estimate(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
     // In the method's units the 0.01 of relL2 is this much.
     let floor = RELATIVE_FLOOR * prepared.exposure * prepared.exposure;
-    let of = |pair: &[Image]| {
-        mean_of_pixels(prepared, floor, |i, weights| {
-            let mut sum = 0.0;
-            for h in 0..2 {
-                sum += 0.5 * f64::from(weights[h][i]) * (squared_to(prepared, &pair[h], h, i) - variance(prepared, i));
-            }
-            let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
-            sum - 0.25 * 0.5 * f64::from(weights[0][i] + weights[1][i]) * apart
-        })
-    };
-    Estimate { denoised: of(denoised), corrected: of(corrected) }
+    sum_blocks(prepared, floor, rows, |i, weights| {
+        let mut sum = 0.0;
+        for h in 0..2 {
+            sum += 0.5 * f64::from(weights[h][i]) * (squared_to(prepared, &pair[h], h, i) - variance(prepared, i));
+        }
+        let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
+        sum - 0.25 * 0.5 * f64::from(weights[0][i] + weights[1][i]) * apart
+    })
 }
 
 /// ‖x - y‖² at pixel i, y of the half that x of half `h` is compared with.
@@ -92,17 +111,22 @@ fn variance(prepared: &Prepared, i: usize) -> f64 {
     (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum()
 }
 
-/// Mean over valid pixels and three channels, with a standard error from the scatter of blocks.
-fn mean_of_pixels(prepared: &Prepared, floor: f32, value: impl Fn(usize, &[&[f32]; 2]) -> f64) -> Mean {
-    let (height, width) = (prepared.height(), prepared.width());
+/// Sums over the valid pixels of `rows` and three channels.
+fn sum_blocks(
+    prepared: &Prepared,
+    floor: f32,
+    rows: Range<usize>,
+    value: impl Fn(usize, &[&[f32]; 2]) -> f64,
+) -> Blocks {
+    let width = prepared.width();
     // The weights for half h come from the other half.
     let weights = [1, 0].map(|other| relative_weight(&prepared.halves[other], prepared.valid.as_ref(), floor));
     let weights = [weights[0].plane(0), weights[1].plane(0)];
     let mut blocks: Vec<(f64, f64)> = Vec::new();
-    for top in (0..height).step_by(BLOCK) {
+    for top in rows.clone().step_by(BLOCK) {
         for left in (0..width).step_by(BLOCK) {
             let (mut sum, mut count) = (0.0, 0.0);
-            for y in top..(top + BLOCK).min(height) {
+            for y in top..(top + BLOCK).min(rows.end) {
                 for x in left..(left + BLOCK).min(width) {
                     let i = y * width + x;
                     if prepared.is_valid(i) {
@@ -114,10 +138,5 @@ fn mean_of_pixels(prepared: &Prepared, floor: f32, value: impl Fn(usize, &[&[f32
             blocks.push((sum, count));
         }
     }
-    let count: f64 = blocks.iter().map(|b| b.1).sum();
-    let mean = if count > 0.0 { blocks.iter().map(|b| b.0).sum::<f64>() / count } else { 0.0 };
-    let scatter: f64 = blocks.iter().map(|(sum, n)| (sum - mean * n).powi(2)).sum();
-    let n = blocks.len() as f64;
-    let standard_error = if n > 1.0 && count > 0.0 { (scatter * n / (n - 1.0)).sqrt() / count } else { f64::INFINITY };
-    Mean { value: mean, standard_error }
+    Blocks(blocks)
 }

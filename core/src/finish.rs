@@ -12,7 +12,7 @@
 //! trained them holds, and the picture starts from the better z.
 
 use crate::corrector::correct;
-use crate::estimate::{self, Estimate, Losses};
+use crate::estimate::{self, Blocks, Estimate, Losses};
 use crate::features::{DENOISED, Windows};
 use crate::frame::Frame;
 use crate::gc::Taps;
@@ -22,6 +22,7 @@ use crate::parameters::Form;
 use crate::prepare::Prepared;
 use crate::smooth::box_mean;
 use crate::simd::Isa;
+use std::ops::Range;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 const JUDGE_RADIUS: usize = 15;
@@ -55,6 +56,70 @@ pub enum Composition {
     JudgedFullBuffer,
 }
 
+/// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window and
+/// the judge's two box means.
+pub fn margin(taps: &Taps, composition: Composition) -> usize {
+    match composition {
+        Composition::MeanOfHalves => taps.radius(),
+        Composition::JudgedFullBuffer => taps.radius() + 2 * JUDGE_RADIUS,
+    }
+}
+
+/// A band of rows, corrected and judged.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Share times correction of the band's rows, in the method's units, `[3, rows, W]`.
+    pub correction: Image,
+    /// Share of the correction that was kept, 0..1, `[1, rows, W]`.
+    pub share: Image,
+    pub tally: Tally,
+}
+
+/// What the whole picture is judged by, summed over bands from top to bottom.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    loss_denoised: Blocks,
+    loss_corrected: Blocks,
+    gain: Blocks,
+    error_denoised: Blocks,
+    error_corrected: Blocks,
+}
+
+/// The judgement of a whole picture.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    pub loss: Losses,
+    pub estimate: Estimate,
+    pub fallback: Option<String>,
+}
+
+impl Tally {
+    /// Adds the next band below.
+    pub fn append(&mut self, next: Tally) {
+        self.loss_denoised.append(next.loss_denoised);
+        self.loss_corrected.append(next.loss_corrected);
+        self.gain.append(next.gain);
+        self.error_denoised.append(next.error_denoised);
+        self.error_corrected.append(next.error_corrected);
+    }
+
+    /// Whether the correction stays, and what the frame says of the error.
+    pub fn verdict(&self, composition: Composition) -> Verdict {
+        let gain = self.gain.mean();
+        let may_fall_back = composition == Composition::JudgedFullBuffer;
+        let fallback = (may_fall_back && gain.value <= 0.0).then(|| {
+            format!("the self-supervised loss does not fall: gain {:.3e} ± {:.1e}", gain.value, gain.standard_error)
+        });
+        let denoised = self.error_denoised.mean();
+        let corrected = if fallback.is_some() { denoised } else { self.error_corrected.mean() };
+        Verdict {
+            loss: Losses { denoised: self.loss_denoised.mean().value, corrected: self.loss_corrected.mean().value },
+            estimate: Estimate { denoised, corrected },
+            fallback,
+        }
+    }
+}
+
 /// Corrects both halves with their activated parameters `[P, H, W]` and finishes the picture.
 pub fn finish(
     isa: Isa,
@@ -64,6 +129,27 @@ pub fn finish(
     prepared: &Prepared,
     parameters: [&Image; 2],
 ) -> Finished {
+    let rows = 0..prepared.height();
+    let Part { mut correction, share, tally } =
+        finish_rows(isa, form, taps, composition, prepared, parameters, rows);
+    let Verdict { loss, estimate, fallback } = tally.verdict(composition);
+    if fallback.is_some() {
+        correction.data_mut().fill(0.0);
+    }
+    Finished { correction, share, loss, estimate, fallback }
+}
+
+/// The same for some rows of a picture, or of a band of it that has [`margin`] rows above and below
+/// them wherever the picture has.
+pub fn finish_rows(
+    isa: Isa,
+    form: Form,
+    taps: &Taps,
+    composition: Composition,
+    prepared: &Prepared,
+    parameters: [&Image; 2],
+    rows: Range<usize>,
+) -> Part {
     let corrected = |features: &Image, h: usize| {
         let windows = Windows::new(features, prepared.valid.as_ref(), prepared.set, taps.radius());
         correct(isa, form, &windows, taps, parameters[h], &prepared.plan)
@@ -78,24 +164,22 @@ pub fn finish(
             (Image::mean_of(&full[0], &full[1]), Evidence::of(prepared, &halves).share())
         }
     };
-    for (c, z) in correction.data_mut().iter_mut().zip(prepared.denoised.data()) {
-        *c -= z;
+    let pixels = share.pixels();
+    for (i, c) in correction.data_mut().iter_mut().enumerate() {
+        let kept = if prepared.is_valid(i % pixels) { share.data()[i % pixels] } else { 0.0 };
+        *c = kept * (*c - prepared.denoised.data()[i]);
     }
     let blended: Vec<Image> = (0..2).map(|h| blend(prepared, &halves[h], &share, h)).collect();
     let denoised: Vec<Image> = (0..2).map(|h| triple(&prepared.halves[h], DENOISED)).collect();
-    let loss = Losses { denoised: estimate::loss(prepared, &denoised), corrected: estimate::loss(prepared, &blended) };
-    let gain = estimate::gain(prepared, &denoised, &blended);
-    let may_fall_back = composition == Composition::JudgedFullBuffer;
-    let fallback = (may_fall_back && gain.value <= 0.0).then(|| {
-        format!("the self-supervised loss does not fall: gain {:.3e} ± {:.1e}", gain.value, gain.standard_error)
-    });
-    let estimate = estimate::estimate(prepared, &denoised, if fallback.is_some() { &denoised } else { &blended });
-    let pixels = share.pixels();
-    for (i, c) in correction.data_mut().iter_mut().enumerate() {
-        let keep = fallback.is_none() && prepared.is_valid(i % pixels);
-        *c = if keep { *c * share.data()[i % pixels] } else { 0.0 };
-    }
-    Finished { correction, share, loss, estimate, fallback }
+    let tally = Tally {
+        loss_denoised: estimate::loss(prepared, &denoised, rows.clone()),
+        loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
+        gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
+        error_denoised: estimate::estimate(prepared, &denoised, rows.clone()),
+        error_corrected: estimate::estimate(prepared, &blended, rows.clone()),
+    };
+    let crop = |image: &Image| image.crop(rows.start, 0, rows.len(), image.width());
+    Part { correction: crop(&correction), share: crop(&share), tally }
 }
 
 /// The finished picture in the frame's own units: the denoiser's picture, bit for bit, wherever

@@ -76,7 +76,32 @@ pub struct Frame {
     pub warnings: Vec<String>,
 }
 
+impl HalfBuffer {
+    /// The rows `top..top + height` of every image.
+    pub fn rows(&self, top: usize, height: usize) -> HalfBuffer {
+        let cut = |image: &Image| image.crop(top, 0, height, image.width());
+        HalfBuffer {
+            radiance: cut(&self.radiance),
+            denoised: cut(&self.denoised),
+            albedo: self.albedo.as_ref().map(cut),
+            normal: self.normal.as_ref().map(cut),
+            visibility: self.visibility.as_ref().map(cut),
+        }
+    }
+}
+
 impl Frame {
+    /// The rows `top..top + height` of every image; sources and warnings stay with the whole frame.
+    pub fn rows(&self, top: usize, height: usize) -> Frame {
+        Frame {
+            a: self.a.rows(top, height),
+            b: self.b.rows(top, height),
+            denoised: self.denoised.as_ref().map(|z| z.crop(top, 0, height, z.width())),
+            sources: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
     pub fn height(&self) -> usize {
         self.a.radiance.height()
     }

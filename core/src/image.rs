@@ -107,7 +107,14 @@ impl Image {
     /// When the rectangle leaves the image.
     pub fn crop(&self, top: usize, left: usize, height: usize, width: usize) -> Image {
         assert!(top + height <= self.height && left + width <= self.width, "crop leaves the image");
-        Image::from_fn(self.channels, height, width, |c, y, x| self.at(c, top + y, left + x))
+        let mut data = Vec::with_capacity(self.channels * height * width);
+        for c in 0..self.channels {
+            for y in top..top + height {
+                let start = (c * self.height + y) * self.width + left;
+                data.extend_from_slice(&self.data[start..start + width]);
+            }
+        }
+        Image { channels: self.channels, height, width, data }
     }
 
     /// The mean of two images of one shape.

@@ -49,12 +49,20 @@ const TARGET_MEAN: f64 = 0.25;
 /// Share of the pixels that count for exposure: emitters seen directly do not.
 const EXPOSED_SHARE: f64 = 0.95;
 
-impl Prepared {
-    /// Brings a frame into the method's units.
-    pub fn new(frame: &Frame, exposure: Exposure) -> Self {
+/// What is decided once for a whole frame, however it is cut afterwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Survey {
+    /// As [`Prepared::exposure`].
+    pub exposure: f32,
+    /// As [`Prepared::set`].
+    pub set: FeatureSet,
+}
+
+impl Survey {
+    /// Looks a frame over.
+    pub fn of(frame: &Frame, exposure: Exposure) -> Self {
         let valid = validity(frame);
-        let missing_pixels = valid.plane(0).iter().filter(|v| **v == 0.0).count();
-        let factor = match exposure {
+        let exposure = match exposure {
             Exposure::AsIs => 1.0,
             Exposure::Normalised => normalised_exposure(frame, &valid),
         };
@@ -63,6 +71,21 @@ impl Prepared {
             normal: varies(frame, &valid, |h| h.normal.as_ref()),
             visibility: varies(frame, &valid, |h| h.visibility.as_ref()),
         };
+        Self { exposure, set }
+    }
+}
+
+impl Prepared {
+    /// Brings a frame into the method's units.
+    pub fn new(frame: &Frame, exposure: Exposure) -> Self {
+        Self::by_survey(frame, Survey::of(frame, exposure))
+    }
+
+    /// Brings a frame, or a band of it, into the units that were decided for the whole frame.
+    pub fn by_survey(frame: &Frame, survey: Survey) -> Self {
+        let Survey { exposure: factor, set } = survey;
+        let valid = validity(frame);
+        let missing_pixels = valid.plane(0).iter().filter(|v| **v == 0.0).count();
         let mut found = Findings { missing_pixels, negative_values: 0 };
         let mut half = |h: &HalfBuffer| half_features(h, set, factor, &valid, &mut found.negative_values);
         let halves = [half(&frame.a), half(&frame.b)];

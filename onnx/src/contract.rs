@@ -1,5 +1,6 @@
 //! What every model file promises, and what it says of its origin.
 
+use sspc_core::finish::Composition;
 use sspc_core::features::{FeatureSet, MAX_RADIUS};
 use sspc_core::gc::PAPER_RADIUS;
 use sspc_core::network::{MAX_CHANNELS, Shape};
@@ -68,6 +69,9 @@ pub struct Contract {
     pub shape: Shape,
     /// Radius of the square window of g_c, pixels.
     pub window_radius: usize,
+    /// What our own programs make of both halves' corrections; the image graph gives the mean of the
+    /// halves.
+    pub composition: Composition,
     /// How radiance was brought to the method's scale in training.
     pub exposure: Exposure,
     /// Seed of the fit.
@@ -87,13 +91,17 @@ pub struct Contract {
 }
 
 impl Contract {
-    /// A contract of the paper's network and window, normalised exposure and every feature, with
-    /// nothing known of its origin.
+    /// A contract of the paper's network and window, normalised exposure, every feature and the
+    /// form's usual composition, with nothing known of its origin.
     pub fn new(form: Form) -> Self {
         Contract {
             form,
             shape: Shape::paper(form),
             window_radius: PAPER_RADIUS,
+            composition: match form {
+                Form::Paper => Composition::MeanOfHalves,
+                Form::Gated => Composition::JudgedFullBuffer,
+            },
             exposure: Exposure::Normalised,
             seed: 0,
             frames: Vec::new(),

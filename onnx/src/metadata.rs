@@ -3,6 +3,7 @@
 use crate::contract::*;
 use crate::error::Error;
 use crate::messages::StringStringEntryProto;
+use sspc_core::finish::Composition;
 use sspc_core::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_core::network::Shape;
 use sspc_core::parameters::Form;
@@ -28,6 +29,7 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
         ("exposure_rule", exposure_rule(contract.exposure).to_string()),
         ("padding", PADDING.to_string()),
         ("window_radius", contract.window_radius.to_string()),
+        ("composition", composition_name(contract.composition).to_string()),
         ("hidden_channels", shape.hidden.to_string()),
         ("convolutions", shape.layers.to_string()),
         ("features", feature_names(*features)),
@@ -86,6 +88,11 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
         form,
         shape,
         window_radius: entries.within("window_radius", 1, MAX_WINDOW_RADIUS)?,
+        composition: match entries.text("composition")? {
+            "mean-of-halves" => Composition::MeanOfHalves,
+            "judged-full-buffer" => Composition::JudgedFullBuffer,
+            found => return Err(key_error("composition", "`mean-of-halves` or `judged-full-buffer`", found)),
+        },
         exposure,
         seed: entries.number("seed")?,
         frames: entries.frames()?,
@@ -101,6 +108,13 @@ fn exposure_name(exposure: Exposure) -> &'static str {
     match exposure {
         Exposure::AsIs => "as-is",
         Exposure::Normalised => "normalised",
+    }
+}
+
+fn composition_name(composition: Composition) -> &'static str {
+    match composition {
+        Composition::MeanOfHalves => "mean-of-halves",
+        Composition::JudgedFullBuffer => "judged-full-buffer",
     }
 }
 

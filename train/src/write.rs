@@ -63,6 +63,7 @@ fn model(args: &FitArgs, settings: &Settings, inputs: &[Input], fitted: &Fitted)
     contract.shape = settings.shape;
     contract.window_radius = settings.radius;
     contract.exposure = settings.exposure;
+    contract.composition = settings.composition;
     contract.seed = args.seed;
     contract.frames = inputs.iter().map(|i| i.name.clone()).collect();
     contract.tool = concat!("sspc-train ", env!("CARGO_PKG_VERSION")).into();
