@@ -2,6 +2,8 @@
 
 use crate::evaluate::{self, EvaluateArguments};
 use crate::failure::Failure;
+use crate::info::{self, InfoArguments};
+use crate::run::{self, arguments::RunArguments};
 use clap::{Parser, Subcommand};
 
 /// Exit codes, printed by `--help`.
@@ -24,6 +26,10 @@ pub struct Arguments {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Correct a frame, or the frames of a shot, with a fitted model
+    Run(Box<RunArguments>),
+    /// Say what a model file is: its contract, its origin, its size
+    Info(InfoArguments),
     /// Measure a picture against a reference: relL2, SMAPE, PSNR, SSIM, FLIP
     Evaluate(EvaluateArguments),
 }
@@ -34,6 +40,8 @@ pub enum Command {
 /// A [`Failure`] that carries its exit code.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
     }
 }

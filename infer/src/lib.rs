@@ -6,4 +6,6 @@ pub mod cli;
 pub mod engine;
 pub mod evaluate;
 pub mod failure;
+pub mod info;
 pub mod interrupt;
+pub mod run;

@@ -20,4 +20,4 @@ pub use error::{Error, FileError};
 pub use image_graph::write_image;
 pub use model::Model;
 pub use network_graph::write_network;
-pub use reader::{GraphKind, MAX_FILE_BYTES, load_model, read_graph_kind, read_model};
+pub use reader::{GraphKind, MAX_FILE_BYTES, load_model, load_model_and_kind, read_graph_kind, read_model};

@@ -36,11 +36,25 @@ pub enum GraphKind {
 /// # Errors
 /// [`FileError::Io`] when it cannot be read, [`FileError::Model`] when [`read_model`] refuses it.
 pub fn load_model(path: &Path) -> Result<Model, FileError> {
+    load_model_and_kind(path).map(|(model, _)| model)
+}
+
+/// The same, and which graph the file holds.
+///
+/// # Errors
+/// As [`load_model`].
+pub fn load_model_and_kind(path: &Path) -> Result<(Model, GraphKind), FileError> {
     let io = |source| FileError::Io { path: path.to_path_buf(), source };
+    let meta = std::fs::metadata(path).map_err(io)?;
+    if !meta.is_file() {
+        // A pipe or device would block or never end.
+        return Err(io(std::io::Error::other("not a regular file")));
+    }
     let file = std::fs::File::open(path).map_err(io)?;
     let mut bytes = Vec::new();
     file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
-    read_model(&bytes).map_err(|source| FileError::Model { path: path.to_path_buf(), source })
+    let refused = |source| FileError::Model { path: path.to_path_buf(), source };
+    Ok((read_model(&bytes).map_err(refused)?, read_graph_kind(&bytes).map_err(refused)?))
 }
 
 /// Takes contract and weights from the bytes of a network or image graph.

@@ -16,6 +16,7 @@ use plan::Plan;
 use rayon::prelude::*;
 use sspc_core::features::FEATURE_CHANNELS;
 use sspc_core::image::Image;
+use sspc_core::plan::Plan as PicturePlan;
 use sspc_onnx::Model;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
@@ -49,15 +50,16 @@ impl Engine {
         TileGrid::new(height, width, self.tile, self.model.contract.shape.radius())
     }
 
-    /// Activated parameters `[P, H, W]` of features `[13, H, W]`. The tiling does not show: every
-    /// value is what one window over the whole picture would give.
+    /// Activated parameters `[P, H, W]` of features `[13, H, W]`, zero in tiles that the plan skips.
+    /// The tiling does not show: every other value is what one window over the whole picture would
+    /// give.
     ///
     /// # Errors
     /// [`PlanError`] when tract does not take the graph or fails to run it.
     ///
     /// # Panics
     /// When the features have other channels.
-    pub fn parameters(&self, features: &Image) -> Result<Image, PlanError> {
+    pub fn parameters(&self, features: &Image, picture: &PicturePlan) -> Result<Image, PlanError> {
         assert_eq!(features.channels(), FEATURE_CHANNELS, "feature channels");
         let (height, width) = (features.height(), features.width());
         let outputs = self.model.contract.form.parameters();
@@ -66,6 +68,7 @@ impl Engine {
         let tiles: Vec<(Tile, Vec<f32>)> = grid
             .tiles()
             .into_par_iter()
+            .filter(|tile| picture.touches(&tile.region()))
             .map(|tile| {
                 let window = features.crop(
                     tile.window_top,

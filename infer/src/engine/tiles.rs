@@ -6,6 +6,7 @@
 //! edge of a window is either the picture's edge, where the network's zero padding is right, or lies
 //! at least the halo away from the tile, where the padding does not reach.
 
+use sspc_core::gc::Region;
 use sspc_core::image::Image;
 
 /// How a picture is cut.
@@ -73,6 +74,11 @@ impl TileGrid {
 }
 
 impl Tile {
+    /// The tile's pixels.
+    pub fn region(&self) -> Region {
+        Region { top: self.top, left: self.left, height: self.height, width: self.width }
+    }
+
     /// The tile's planes out of its window's planes.
     pub fn of_window(&self, window: &[f32]) -> Vec<f32> {
         let rows = self.top - self.window_top..self.top - self.window_top + self.height;
