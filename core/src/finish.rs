@@ -185,6 +185,12 @@ pub fn finish_rows(
 /// The finished picture in the frame's own units: the denoiser's picture, bit for bit, wherever
 /// nothing is added; missing pixels are filled from what is valid.
 pub fn picture(frame: &Frame, prepared: &Prepared, finished: &Finished) -> Image {
+    picture_of(frame, prepared.exposure, prepared.valid.is_some(), &finished.correction)
+}
+
+/// The same from a correction `[3, H, W]` in units that are `exposure` times the frame's; `missing`
+/// says whether there are pixels to fill.
+pub fn picture_of(frame: &Frame, exposure: f32, missing: bool, correction: &Image) -> Image {
     let mean;
     let base = match &frame.denoised {
         Some(full) => full,
@@ -193,14 +199,14 @@ pub fn picture(frame: &Frame, prepared: &Prepared, finished: &Finished) -> Image
             &mean
         }
     };
-    let inverse = 1.0 / prepared.exposure;
+    let inverse = 1.0 / exposure;
     let mut out = base.clone();
-    for (x, c) in out.data_mut().iter_mut().zip(finished.correction.data()) {
+    for (x, c) in out.data_mut().iter_mut().zip(correction.data()) {
         if *c != 0.0 {
             *x = (x.max(0.0) + c * inverse).max(0.0);
         }
     }
-    if prepared.valid.is_some() {
+    if missing {
         crate::fill::fill_missing(&mut out, frame);
     }
     out

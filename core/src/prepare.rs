@@ -56,6 +56,8 @@ pub struct Survey {
     pub exposure: f32,
     /// As [`Prepared::set`].
     pub set: FeatureSet,
+    /// As [`Prepared::found`].
+    pub found: Findings,
 }
 
 impl Survey {
@@ -71,7 +73,11 @@ impl Survey {
             normal: varies(frame, &valid, |h| h.normal.as_ref()),
             visibility: varies(frame, &valid, |h| h.visibility.as_ref()),
         };
-        Self { exposure, set }
+        let found = Findings {
+            missing_pixels: valid.plane(0).iter().filter(|v| **v == 0.0).count(),
+            negative_values: colours(frame).map(|image| negative_values(image, &valid)).sum(),
+        };
+        Self { exposure, set, found }
     }
 }
 
@@ -83,11 +89,9 @@ impl Prepared {
 
     /// Brings a frame, or a band of it, into the units that were decided for the whole frame.
     pub fn by_survey(frame: &Frame, survey: Survey) -> Self {
-        let Survey { exposure: factor, set } = survey;
+        let Survey { exposure: factor, set, found } = survey;
         let valid = validity(frame);
-        let missing_pixels = valid.plane(0).iter().filter(|v| **v == 0.0).count();
-        let mut found = Findings { missing_pixels, negative_values: 0 };
-        let mut half = |h: &HalfBuffer| half_features(h, set, factor, &valid, &mut found.negative_values);
+        let half = |h: &HalfBuffer| half_features(h, set, factor, &valid);
         let halves = [half(&frame.a), half(&frame.b)];
         let mean;
         let full = match &frame.denoised {
@@ -99,9 +103,9 @@ impl Prepared {
         };
         let mut denoised = Image::zeros(3, frame.height(), frame.width());
         for c in 0..3 {
-            found.negative_values += fill_colour(full.plane(c), valid.plane(0), factor, denoised.plane_mut(c));
+            fill_colour(full.plane(c), valid.plane(0), factor, denoised.plane_mut(c));
         }
-        let valid = (missing_pixels > 0).then_some(valid);
+        let valid = valid.plane(0).contains(&0.0).then_some(valid);
         let plan = Plan::new(&halves, valid.as_ref());
         Self { plan, exposure: factor, halves, denoised, valid, set, found }
     }
@@ -142,6 +146,16 @@ fn images(h: &HalfBuffer) -> impl Iterator<Item = &Image> {
         .flatten()
 }
 
+/// The images whose negative values are clamped.
+fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
+    [&frame.a, &frame.b].into_iter().flat_map(|h| [&h.radiance, &h.denoised]).chain(&frame.denoised)
+}
+
+fn negative_values(image: &Image, valid: &Image) -> usize {
+    let values = image.data().iter().zip(valid.plane(0).iter().cycle());
+    values.filter(|(v, ok)| **v < 0.0 && **ok != 0.0).count()
+}
+
 fn validity(frame: &Frame) -> Image {
     let mut valid = Image::filled(1, frame.height(), frame.width(), 1.0);
     for image in images(&frame.a).chain(images(&frame.b)).chain(&frame.denoised) {
@@ -178,11 +192,11 @@ fn varies<'a>(frame: &'a Frame, valid: &Image, feature: impl Fn(&'a HalfBuffer) 
     })
 }
 
-fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Image, negative: &mut usize) -> Image {
+fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Image) -> Image {
     let mut features = Image::zeros(FEATURE_CHANNELS, valid.height(), valid.width());
     for k in 0..3 {
-        *negative += fill_colour(half.radiance.plane(k), valid.plane(0), exposure, features.plane_mut(RADIANCE + k));
-        *negative += fill_colour(half.denoised.plane(k), valid.plane(0), exposure, features.plane_mut(DENOISED + k));
+        fill_colour(half.radiance.plane(k), valid.plane(0), exposure, features.plane_mut(RADIANCE + k));
+        fill_colour(half.denoised.plane(k), valid.plane(0), exposure, features.plane_mut(DENOISED + k));
     }
     let optional = [
         (ALBEDO, set.albedo, &half.albedo),
@@ -202,15 +216,12 @@ fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Imag
     features
 }
 
-/// Scales and clamps one colour plane; returns how many values were negative.
-fn fill_colour(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) -> usize {
-    let mut negative = 0;
+/// Scales and clamps one colour plane.
+fn fill_colour(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) {
     for ((out, v), ok) in out.iter_mut().zip(source).zip(valid) {
         if *ok != 0.0 {
-            negative += usize::from(*v < 0.0);
             // Radiance near the end of f32 must not overflow when squared and summed.
             *out = (v * exposure).clamp(0.0, 1e15);
         }
     }
-    negative
 }

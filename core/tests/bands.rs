@@ -38,7 +38,7 @@ fn bands_give_the_same_picture_and_the_same_figures() {
     let mut rng = Rng::new(2);
     let weights = (0..shape.parameter_count()).map(|_| rng.uniform() as f32 * 0.4 - 0.2).collect();
     let network = Network { shape, weights };
-    let planes = |p: &Prepared| [0, 1].map(|h| parameters(isa, form, &network, &p.halves[h]));
+    let planes = |p: &Prepared| [0, 1].map(|h| parameters(isa, form, &network, &p.halves[h], &p.plan));
 
     for composition in [Composition::MeanOfHalves, Composition::JudgedFullBuffer] {
         let whole = Prepared::new(&frame, Exposure::Normalised);

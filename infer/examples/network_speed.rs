@@ -4,7 +4,8 @@
 
 use sspc_core::features::FEATURE_CHANNELS;
 use sspc_core::image::Image;
-use sspc_core::network::run;
+use sspc_core::corrector;
+use sspc_core::plan::Plan;
 use sspc_core::parameters::Form;
 use sspc_core::simd::Isa;
 use sspc_infer::engine::{Engine, Kernels};
@@ -32,6 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let features = Image::from_fn(FEATURE_CHANNELS, height, width, |c, y, x| {
         ((c * 31 + y * 17 + x * 7) % 101) as f32 / 101.0
     });
+    let everything = Plan::everything(height, width);
     let flop = 2.0 * count as f64 * (height * width) as f64;
     let report = |name: &str, work: &mut dyn FnMut()| {
         let (mut best, mut least) = (f64::INFINITY, f64::INFINITY);
@@ -48,15 +50,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         for tile in [96, 128, 192, 256] {
             let engine = Engine::new(model.clone(), Kernels::Fused(isa), tile);
             report(&format!("fused {} tile {tile}", isa.name()), &mut || {
-                engine.parameters(&features).expect("runs");
+                engine.parameters(&features, &everything).expect("runs");
             });
         }
     }
-    report("core run", &mut || drop(run(Isa::best(), &model.network(), &features)));
+    report("core alone", &mut || {
+        corrector::parameters(Isa::best(), Form::Gated, &model.network(), &features, &everything);
+    });
     for tile in [128, 256] {
         let engine = Engine::new(model.clone(), Kernels::Tract, tile);
         report(&format!("tract tile {tile}"), &mut || {
-            engine.parameters(&features).expect("runs");
+            engine.parameters(&features, &everything).expect("runs");
         });
     }
     Ok(())

@@ -6,9 +6,14 @@ use common::{features, model, next};
 use sspc_core::image::Image;
 use sspc_core::network;
 use sspc_core::parameters::{Form, activation_f64};
+use sspc_core::plan::Plan;
 use sspc_core::simd::Isa;
 use sspc_infer::engine::tiles::TileGrid;
 use sspc_infer::engine::{Engine, Kernels};
+
+fn everything(features: &Image) -> Plan {
+    Plan::everything(features.height(), features.width())
+}
 
 /// The first value that is off by more than the tolerance, relative to its plane's mean magnitude
 /// or its own, whichever is larger.
@@ -38,7 +43,7 @@ fn any_tile_size_gives_the_same_bits() {
         for _ in 0..12 {
             let (height, width, tile) = (upto(70), upto(70), upto(40));
             let features = features(height, width);
-            let run = |tile| Engine::new(model.clone(), Kernels::Fused(isa), tile).parameters(&features);
+            let run = |tile| Engine::new(model.clone(), Kernels::Fused(isa), tile).parameters(&features, &everything(&features));
             let (whole, tiled) = (run(height.max(width)).unwrap(), run(tile).unwrap());
             assert!(whole == tiled, "{height}x{width} in tiles of {tile} on {}", isa.name());
         }
@@ -50,11 +55,11 @@ fn tracts_own_operators_give_the_same_tiled_and_whole() {
     let model = model(Form::Paper, 16, 9);
     for (height, width, tile) in [(45, 33, 17), (20, 64, 32), (7, 5, 3), (1, 40, 8)] {
         let features = features(height, width);
-        let tract = Engine::new(model.clone(), Kernels::Tract, tile).parameters(&features).unwrap();
+        let tract = Engine::new(model.clone(), Kernels::Tract, tile).parameters(&features, &everything(&features)).unwrap();
         let whole =
-            Engine::new(model.clone(), Kernels::Tract, 64).parameters(&features).unwrap();
+            Engine::new(model.clone(), Kernels::Tract, 64).parameters(&features, &everything(&features)).unwrap();
         let ours = Engine::new(model.clone(), Kernels::Fused(Isa::best()), tile)
-            .parameters(&features)
+            .parameters(&features, &everything(&features))
             .unwrap();
         assert_close(&tract, &whole, &format!("{height}x{width} by {tile}"));
         assert_close(&ours, &whole, &format!("{height}x{width} fused"));
@@ -77,7 +82,7 @@ fn the_engine_agrees_with_the_f64_network() {
         let expected = Image::from_planes(form.parameters(), height, width, activated.collect());
         for isa in Isa::available() {
             let engine = Engine::new(model.clone(), Kernels::Fused(isa), 6);
-            let found = engine.parameters(&features).unwrap();
+            let found = engine.parameters(&features, &everything(&features)).unwrap();
             assert_close(&found, &expected, isa.name());
         }
     }
