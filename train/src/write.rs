@@ -12,6 +12,7 @@ use sspc_core::image::Image;
 use sspc_core::io::atomic::atomic_write_bytes;
 use sspc_core::io::preview::{Rgb8, auto_exposure, error_map, strip, tone_map, write_png};
 use sspc_core::io::write_corrected;
+use rayon::prelude::*;
 use sspc_onnx::{Contract, Model, write_network};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -32,16 +33,22 @@ pub fn write_outputs(
     let protected: Vec<PathBuf> = inputs.iter().flat_map(|i| i.files.all()).collect();
     let model = write_network(&model(args, settings, inputs, fitted)?);
     atomic_write_bytes(&folder.add("model.onnx"), &protected, &model)?;
+    // Compression takes longer than everything else here: all files of a frame at once.
     for (input, result) in inputs.iter().zip(results) {
         let name = |stem: &str, extension: &str| match &input.frame_number {
             Some(number) => format!("{stem}.{number}.{extension}"),
             None => format!("{stem}.{extension}"),
         };
-        let path = folder.add(&name("corrected", "exr"));
-        write_corrected(&path, &input.files.a, &protected, &result.corrected, &provenance(args, fitted, result))?;
-        for (stem, picture) in previews(input, result) {
-            write_png(&folder.add(&name(stem, "png")), &protected, &picture)?;
-        }
+        let picture = folder.add(&name("corrected", "exr"));
+        let previews: Vec<(PathBuf, Rgb8)> =
+            previews(input, result).into_iter().map(|(stem, p)| (folder.add(&name(stem, "png")), p)).collect();
+        let provenance = provenance(args, fitted, result);
+        let (written, shown) = rayon::join(
+            || write_corrected(&picture, &input.files.a, &protected, &result.corrected, &provenance),
+            || previews.par_iter().try_for_each(|(path, preview)| write_png(path, &protected, preview)),
+        );
+        written?;
+        shown?;
     }
     for (input, report) in inputs.iter().zip(&mut reports) {
         report.seconds.write = begin.elapsed().as_secs_f64();

@@ -1,0 +1,240 @@
+//! sspc-train as a user runs it, on the repository's sample.
+
+use sspc_core::io::read_picture;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+fn sample(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/sample").join(name)
+}
+
+fn command() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sspc-train"));
+    command.stdin(Stdio::null());
+    command
+}
+
+/// `fit` of the sample with a few steps, and more arguments.
+fn fit(out: &Path, arguments: &[&str]) -> Output {
+    command()
+        .arg("fit")
+        .args([sample("a.exr"), sample("b.exr")])
+        .args(["--steps", "4", "-o"])
+        .arg(out)
+        .args(arguments)
+        .output()
+        .expect("sspc-train starts")
+}
+
+fn report(out: &Path) -> serde_json::Value {
+    let text = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+fn assert_success(output: &Output) {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+#[test]
+fn a_fit_writes_picture_model_report_and_previews() {
+    let folder = folder();
+    let out = folder.path().join("fit");
+    let (denoised, reference) = (sample("denoised.exr"), sample("ref.exr"));
+    let more = ["--denoised", denoised.to_str().expect("UTF-8"), "--reference", reference.to_str().expect("UTF-8")];
+    assert_success(&fit(&out, &more));
+    for name in ["noisy", "denoised", "corrected", "reference", "error-denoised", "error-corrected", "comparison"] {
+        let png = std::fs::read(out.join(name).with_extension("png")).expect(name);
+        assert_eq!(&png[1..4], b"PNG", "{name}");
+    }
+    let report = report(&out);
+    for key in ["steps", "seed", "preset", "backend", "roles", "skipped", "version", "peak_rss_bytes"] {
+        assert!(!report[key].is_null(), "{key} is missing");
+    }
+    for key in ["read", "train", "correct", "write", "total"] {
+        assert!(report["seconds"][key].as_f64().is_some_and(|s| s > 0.0), "seconds.{key}");
+    }
+    let value = |group: &str, key: &str| report[group][key].as_f64().expect("a number");
+    assert_eq!(report["steps"], 4);
+    assert!(value("rel_l2", "denoised") < value("rel_l2", "noisy"));
+    // The analytic start alone is better than this frame's denoiser.
+    assert!(value("rel_l2", "corrected") < value("rel_l2", "denoised"));
+    assert!(value("loss", "corrected") < value("loss", "denoised"));
+    assert!(report["estimate"]["corrected"]["standard_error"].as_f64().is_some_and(|e| e > 0.0));
+    let corrected = read_picture(&out.join("corrected.exr"), None).expect("a picture");
+    assert_eq!((corrected.width(), corrected.height()), (256, 192));
+    assert!(corrected.data().iter().all(|v| v.is_finite() && *v >= 0.0));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_file_for_any_number_of_threads() {
+    let folder = folder();
+    let pictures = ["1", "2", "4"].map(|threads| {
+        let out = folder.path().join(threads);
+        let output = command()
+            .env("RAYON_NUM_THREADS", threads)
+            .arg("fit")
+            .args([sample("a.exr"), sample("b.exr")])
+            .args(["--steps", "3", "--quiet", "-o"])
+            .arg(&out)
+            .output()
+            .expect("sspc-train starts");
+        assert_success(&output);
+        assert!(output.stderr.is_empty(), "--quiet prints {}", String::from_utf8_lossy(&output.stderr));
+        read_picture(&out.join("corrected.exr"), None).expect("a picture")
+    });
+    assert_eq!(pictures[0], pictures[1]);
+    assert_eq!(pictures[0], pictures[2]);
+}
+
+#[test]
+fn bad_input_is_one_line_and_leaves_nothing() {
+    let folder = folder();
+    let text = folder.path().join("text.exr");
+    std::fs::write(&text, "not a picture").expect("written");
+    let truncated = folder.path().join("truncated.exr");
+    let whole = std::fs::read(sample("a.exr")).expect("the sample");
+    std::fs::write(&truncated, &whole[..whole.len() / 3]).expect("written");
+    let a = sample("a.exr");
+    let cases: [(&str, PathBuf, PathBuf, &str); 6] = [
+        ("a missing file", "missing.exr".into(), sample("b.exr"), "missing.exr"),
+        ("text", text, sample("b.exr"), "not an OpenEXR file"),
+        ("a truncated file", truncated, sample("b.exr"), "truncated"),
+        ("identical halves", a.clone(), a.clone(), "same value in every pixel"),
+        ("another size", a.clone(), sample("../blender/b.exr"), "256x192"),
+        ("no denoised role", sample("denoised.exr"), sample("ref.exr"), "denoised colour of half a"),
+    ];
+    for (what, a, b, expected) in cases {
+        let out = folder.path().join("out");
+        let output = command().arg("fit").args([a, b]).arg("-o").arg(&out).output().expect("sspc-train starts");
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{what}: {message}");
+        let errors: Vec<&str> = message.lines().filter(|line| line.contains("error:")).collect();
+        assert!(errors.len() == 1 && errors[0].contains(expected), "{what}: {message}");
+        assert!(!out.exists(), "{what} leaves a folder");
+    }
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_said_before_training() {
+    let folder = folder();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "in the way").expect("written");
+    for out in [file.join("below"), file.clone(), folder.path().join("no/such/parent")] {
+        let output = fit(&out, &[]);
+        assert_eq!(output.status.code(), Some(4), "{}", out.display());
+        assert!(!String::from_utf8_lossy(&output.stderr).contains("training"), "{} is found late", out.display());
+    }
+    assert_eq!(std::fs::read_to_string(&file).expect("the file"), "in the way");
+}
+
+#[test]
+fn arguments_without_meaning_end_with_2() {
+    let folder = folder();
+    let out = folder.path().join("out");
+    for bad in [["--preset", "best"], ["--time-limit", "-1"], ["--role", "radiance"], ["--frames", "1-2"]] {
+        assert_eq!(fit(&out, &bad).status.code(), Some(2), "{bad:?}");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn every_feature_is_optional_and_its_absence_is_said() {
+    let folder = folder();
+    for (i, absent) in [&["albedo"][..], &["normal"], &["visibility"], &["albedo", "normal", "visibility"]].iter().enumerate() {
+        let out = folder.path().join(i.to_string());
+        let roles: Vec<String> = absent.iter().map(|role| format!("--role={role}=none")).collect();
+        let roles: Vec<&str> = roles.iter().map(String::as_str).collect();
+        assert_success(&fit(&out, &roles));
+        let skipped = report(&out)["skipped"].to_string();
+        assert!(absent.iter().all(|role| skipped.contains(role)), "{absent:?}: {skipped}");
+    }
+}
+
+#[test]
+fn a_dry_run_names_roles_and_writes_nothing() {
+    let folder = folder();
+    let out = folder.path().join("out");
+    let output = fit(&out, &["--dry-run"]);
+    assert_success(&output);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("albedo of half b") && said.contains("[normal.X,normal.Y,normal.Z]"), "{said}");
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_time_limit_ends_training_with_a_picture() {
+    let folder = folder();
+    let out = folder.path().join("out");
+    assert_success(&fit(&out, &["--steps", "100000", "--time-limit", "0.3"]));
+    let report = report(&out);
+    assert_eq!(report["end"], "time-limit");
+    assert!(report["steps"].as_u64().is_some_and(|steps| (1..100_000).contains(&steps)));
+}
+
+#[test]
+fn a_model_starts_another_fit_and_exports_both_graphs() {
+    let folder = folder();
+    let (first, second) = (folder.path().join("first"), folder.path().join("second"));
+    assert_success(&fit(&first, &[]));
+    let model = first.join("model.onnx");
+    assert_success(&fit(&second, &["--init", model.to_str().expect("UTF-8")]));
+    assert!(report(&second)["history"][0]["loss"].as_f64().is_some());
+    for graph in ["network", "image"] {
+        let out = folder.path().join(graph).with_extension("onnx");
+        let output =
+            command().arg("export").arg(&first).arg("-o").arg(&out).args(["--graph", graph]).output().expect("it starts");
+        assert_success(&output);
+        assert!(std::fs::metadata(&out).expect("a graph").len() > 80_000);
+    }
+    let wrong = sample("a.exr");
+    let output = fit(&folder.path().join("third"), &["--init", wrong.to_str().expect("UTF-8")]);
+    assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn a_shot_trains_one_model_on_several_frames() {
+    let folder = folder();
+    for (frame, half) in [(7, "a"), (7, "b"), (9, "a"), (9, "b")] {
+        std::fs::copy(sample(&format!("{half}.exr")), folder.path().join(format!("{half}.{frame:04}.exr"))).expect("copied");
+    }
+    let out = folder.path().join("out");
+    let pattern = |half: &str| folder.path().join(format!("{half}.####.exr"));
+    let output = command()
+        .args(["fit", "--frames", "7-9x2", "--steps", "2", "--a"])
+        .arg(pattern("a"))
+        .arg("--b")
+        .arg(pattern("b"))
+        .arg("-o")
+        .arg(&out)
+        .output()
+        .expect("sspc-train starts");
+    assert_success(&output);
+    for name in ["model.onnx", "corrected.7.exr", "corrected.9.exr", "report.7.json", "report.9.json"] {
+        assert!(out.join(name).exists(), "{name} is missing");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_with_130_and_leaves_nothing() {
+    let folder = folder();
+    let out = folder.path().join("out");
+    let mut child = command()
+        .arg("fit")
+        .args([sample("a.exr"), sample("b.exr")])
+        .args(["--steps", "1000000", "-o"])
+        .arg(&out)
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("sspc-train starts");
+    std::thread::sleep(Duration::from_millis(1500));
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    assert!(!out.exists(), "an interrupted fit leaves {}", out.display());
+}
