@@ -16,7 +16,6 @@ use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
 use sspc_core::io::RoleOverrides;
-use sspc_core::metric::rel_l2;
 use sspc_core::network::Network;
 use sspc_core::prepare::Prepared;
 use sspc_core::simd::Isa;
@@ -98,12 +97,8 @@ fn correct_frame(isa: Isa, settings: &Settings, network: &Network, input: &Input
     let planes = [0, 1].map(|h| parameters(isa, settings.form, network, &prepared.halves[h], &prepared.plan));
     let finished = finish(isa, settings.form, &taps, settings.composition, prepared, [&planes[0], &planes[1]]);
     let corrected = picture(&input.frame, prepared, &finished);
-    let rel_l2 = input.reference.as_ref().map(|reference| RelL2 {
-        noisy: rel_l2(&noisy(&input.frame), reference).value,
-        denoised: rel_l2(&denoised(&input.frame), reference).value,
-        corrected: rel_l2(&corrected, reference).value,
-        reference_noise_removed: reference.halves.is_some(),
-    });
+    let measure = |r| RelL2::measure(&noisy(&input.frame), &denoised(&input.frame), &corrected, r);
+    let rel_l2 = input.reference.as_ref().map(measure);
     Outcome { corrected, finished, rel_l2 }
 }
 

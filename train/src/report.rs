@@ -6,7 +6,9 @@ use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
-use sspc_core::frame::RoleSource;
+use sspc_core::frame::{Reference, RoleSource};
+use sspc_core::image::Image;
+use sspc_core::metric::rel_l2;
 use sspc_core::prepare::{Findings, Prepared};
 
 /// relL2 against the reference.
@@ -15,8 +17,39 @@ pub struct RelL2 {
     pub noisy: f64,
     pub denoised: f64,
     pub corrected: f64,
+    /// The best that any one mix of noisy and denoised could have done: the naive competitor.
+    pub best_mix: Mix,
     /// The reference's own noise was taken out by its halves.
     pub reference_noise_removed: bool,
+}
+
+/// A mix z + share (y - z) and its relL2.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Mix {
+    /// Share of the noisy picture, 0..1.
+    pub share: f64,
+    pub rel_l2: f64,
+}
+
+impl RelL2 {
+    /// Measures noisy, denoised and corrected pictures `[3, H, W]` of one frame.
+    pub fn measure(noisy: &Image, denoised: &Image, corrected: &Image, reference: &Reference) -> Self {
+        let of = |picture: &Image| rel_l2(picture, reference).value;
+        let (y, z) = (of(noisy), of(denoised));
+        // relL2 is a parabola in the share: its values at 0, 1/2 and 1 give its lowest point.
+        let half = of(&Image::mean_of(noisy, denoised));
+        let curvature = 2.0 * (y + z - 2.0 * half);
+        let slope = y - z - curvature;
+        let share = if curvature > 0.0 { (-slope / (2.0 * curvature)).clamp(0.0, 1.0) } else { 0.0 };
+        let best_mix = Mix { share, rel_l2: z + share * (slope + share * curvature) };
+        RelL2 {
+            noisy: y,
+            denoised: z,
+            corrected: of(corrected),
+            best_mix,
+            reference_noise_removed: reference.halves.is_some(),
+        }
+    }
 }
 
 /// Wall-clock seconds.
