@@ -54,7 +54,6 @@ def cases():
             "kind": "training",
             "radius": gc.RADIUS,
             "tile": SIZE,
-            "halo": fit.full_halo(),
             "adam": dataclasses.asdict(adam),
         },
     )
@@ -70,7 +69,7 @@ def cases():
     for outputs in (15, 16):
         flat = start(outputs, seed=outputs)
         net = double_network(flat, outputs)
-        losses = fit.fit(net, frame, fit.Schedule(steps, fit.full_halo(), adam))
+        losses = fit.fit(net, frame, fit.Schedule(steps, adam=adam))
         if not losses[-1] < losses[0]:
             raise ValueError(f"training of {outputs} outputs does not lower the loss: {losses}")
         case.put(**{
