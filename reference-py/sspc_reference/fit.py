@@ -6,7 +6,7 @@ below only write such a list, and `fit` carries any list out with Adam.
 
 import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -17,6 +17,9 @@ from .loss import loss
 # How far the network sees, in pixels: one per 3x3 layer. With this halo a tile's parameters come out
 # as in the whole picture.
 NETWORK_RADIUS = networks.HIDDEN_LAYERS + 1
+
+# Larger batches gain nothing and spend their time on allocating memory.
+PIXELS_AT_ONCE = 128 * 128
 
 
 @dataclass(frozen=True)
@@ -71,20 +74,26 @@ def cut(image, tile):
     ]
 
 
-def tile_loss(network, frame, tile, halo, radius=gc.RADIUS):
-    """Eq. 9 over one tile: a scalar with gradients."""
-    outputs = []
-    for half in (frame.a, frame.b):
-        parameters = activations.activate(raw_outputs(network, half, tile, halo))
-        surroundings = Tile(
-            tile.top, tile.left, tile.height + 2 * radius, tile.width + 2 * radius
+def tiles_loss(network, frame, tiles, halo, radius=gc.RADIUS):
+    """Eq. 9 over equally large tiles: a scalar with gradients."""
+
+    def of_all(image, larger_by=0):
+        """The tiles of one image as a batch, each `larger_by` pixels higher and wider."""
+        return torch.cat(
+            [
+                cut(image, replace(tile, height=tile.height + larger_by, width=tile.width + larger_by))
+                for tile in tiles
+            ]
         )
-        padded = cut(gc.mirror_pad(half, radius), surroundings)
-        outputs.append(gc.gated_padded(padded, parameters, radius))
-    a, b = cut(frame.a, tile), cut(frame.b, tile)
+
+    halves = (frame.a, frame.b)
+    raw = torch.cat([raw_outputs(network, half, tile, halo) for half in halves for tile in tiles])
+    padded = torch.cat([of_all(gc.mirror_pad(half, radius), 2 * radius) for half in halves])
+    outputs = gc.gated_padded(padded, activations.activate(raw), radius)
+    a, b = (of_all(half) for half in halves)
     noisy = part(a, "radiance"), part(b, "radiance")
     denoised = part(a, "denoised"), part(b, "denoised")
-    return loss(*outputs, *noisy, *denoised)
+    return loss(*outputs.chunk(2), *noisy, *denoised)
 
 
 def step_gradient(network, frame, tiles, halo, radius=gc.RADIUS):
@@ -95,12 +104,21 @@ def step_gradient(network, frame, tiles, halo, radius=gc.RADIUS):
     network.zero_grad()
     pixels = sum(tile.height * tile.width for tile in tiles)
     total = 0.0
-    for tile in tiles:
-        value = tile_loss(network, frame, tile, halo, radius)
-        share = tile.height * tile.width / pixels
-        (value * share).backward()
-        total += value.item() * share
+    for group in groups(tiles):
+        share = sum(tile.height * tile.width for tile in group) / pixels
+        value = tiles_loss(network, frame, group, halo, radius) * share
+        value.backward()
+        total += value.item()
     return total
+
+
+def groups(tiles):
+    """The tiles in groups of one size, small enough to be worked on at once."""
+    for size in sorted({(tile.height, tile.width) for tile in tiles}):
+        equal = [tile for tile in tiles if (tile.height, tile.width) == size]
+        at_once = max(PIXELS_AT_ONCE // (size[0] * size[1]), 1)
+        for start in range(0, len(equal), at_once):
+            yield equal[start : start + at_once]
 
 
 def fit(network, frame, schedule, radius=gc.RADIUS, report=lambda step, loss: None):
