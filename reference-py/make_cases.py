@@ -17,12 +17,12 @@ from parity import gc_cases, preset_case, stage_cases, training_cases
 DEFAULT_ROOT = Path(__file__).resolve().parent.parent / "tests" / "cases"
 
 
-def main():
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--root", type=Path, default=DEFAULT_ROOT)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--preset", action="store_true")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     torch.set_num_threads(1)
 
     cases = gc_cases.cases() + stage_cases.cases() + training_cases.cases()

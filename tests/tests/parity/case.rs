@@ -129,7 +129,8 @@ fn read_npz(path: &Path) -> std::io::Result<BTreeMap<String, Array>> {
     for name in names {
         let file = archive.by_name(&name)?.ok_or(std::io::ErrorKind::NotFound)?;
         let shape = file.shape().iter().map(|&n| n as usize).collect();
-        let invalid = |problem: &str| std::io::Error::new(std::io::ErrorKind::InvalidData, format!("{name}: {problem}"));
+        let invalid =
+            |problem: &str| std::io::Error::new(std::io::ErrorKind::InvalidData, format!("{name}: {problem}"));
         if file.order() != npyz::Order::C {
             return Err(invalid("not in C order"));
         }

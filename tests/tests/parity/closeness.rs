@@ -105,8 +105,11 @@ fn relative_errors(expected: &Array, found: &[f32], relative: Relative) -> Vec<f
 
 fn index(array: &Array, flat: usize) -> Vec<usize> {
     let mut rest = flat;
-    let mut at: Vec<usize> = array.shape.iter().rev().map(|n| { let i = rest % n; rest /= n; i }).collect();
-    at.reverse();
+    let mut at = vec![0; array.shape.len()];
+    for (i, n) in at.iter_mut().zip(&array.shape).rev() {
+        *i = rest % n;
+        rest /= n;
+    }
     at
 }
 

@@ -139,7 +139,8 @@ fn report(case: &Case, stages: &[Vec<f32>]) -> (String, Option<&'static str>) {
     let mut text = String::new();
     for ((name, tolerance), found) in STAGES.iter().zip(stages) {
         let expected = expected(case, name);
-        match compare(&format!("{} {name}", case.name), &expected, found, Relative::ToScale(largest(&expected)), *tolerance) {
+        let (stage, relative) = (format!("{} {name}", case.name), Relative::ToScale(largest(&expected)));
+        match compare(&stage, &expected, found, relative, *tolerance) {
             Ok(worst) => text += &format!("{name}: equal, worst {:.1e} (<= {tolerance:.0e})\n", worst.0),
             Err(mismatch) => return (text + &format!("FIRST DIFFERENCE, {mismatch}\n"), Some(name)),
         }

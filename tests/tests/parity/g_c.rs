@@ -51,11 +51,8 @@ impl Setup {
         let features = case.get("features", &[FEATURE_CHANNELS, height, width]).f32();
         let features = Image::from_planes(FEATURE_CHANNELS, height, width, features);
         let present = |name: &str| case.facts["features"].as_array().expect("features").iter().any(|f| f == name);
-        let set = FeatureSet {
-            albedo: present("albedo"),
-            normal: present("normal"),
-            visibility: present("visibility"),
-        };
+        let set =
+            FeatureSet { albedo: present("albedo"), normal: present("normal"), visibility: present("visibility") };
         let taps = Taps::square(case.count("radius"));
         let windows = Windows::new(&features, None, set, taps.radius());
         Self {

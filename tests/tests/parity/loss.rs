@@ -40,7 +40,7 @@ fn half(radiance: &Array, denoised: &Array, target: &Array, guide: &Array) -> Ha
         windows: Windows::new(&features_of_half, None, FeatureSet::ALL, 0),
         features: features_of_half,
         target: Image::from_planes(3, height, width, target.f32()),
-        weight: relative_weight(&features(target, guide), None),
+        weight: relative_weight(&features(target, guide), None, RELATIVE_FLOOR),
     }
 }
 
@@ -112,9 +112,8 @@ fn loss_matches_over_both_denominators() {
             let expected = setup.case.get(&format!("loss_over_{guide}"), &[1]).values[0];
             for isa in Isa::available() {
                 let stage = format!("{} {} over {guide}", setup.case.name, isa.name());
-                let mut objective = setup.objective(guide, Form::Paper, |mu_hat, noisy| {
-                    [mu_hat.clone(), mu_hat.clone(), noisy.clone()]
-                });
+                let mut objective = setup
+                    .objective(guide, Form::Paper, |mu_hat, noisy| [mu_hat.clone(), mu_hat.clone(), noisy.clone()]);
                 let error = (setup.loss(isa, &objective) / expected - 1.0).abs();
                 assert!(error <= LOSS, "{stage}: expected {expected:.9e}, relative error {error:.2e}");
                 println!("{stage}: relative error {error:.1e}");
@@ -141,15 +140,18 @@ fn loss_gradients_match_over_both_denominators() {
             let by = |half: &str| setup.get(&format!("d_mu_hat_{half}_over_{guide}"));
             for isa in Isa::available() {
                 for channel in 0..3 {
-                    let stage = format!("{} {} over {guide}, d_mu_hat of channel {channel}", setup.case.name, isa.name());
+                    let stage =
+                        format!("{} {} over {guide}, d_mu_hat of channel {channel}", setup.case.name, isa.name());
                     let values = ["a", "b"].map(|half| by(half).slab(channel, channel + 1).values).concat();
                     let expected = Array { shape: vec![2, height, width], values };
                     let found = setup.gradient(isa, guide, channel);
-                    let worst = assert_close(&stage, &expected, &found, Relative::ToScale(largest(&expected)), GRADIENT);
+                    let worst =
+                        assert_close(&stage, &expected, &found, Relative::ToScale(largest(&expected)), GRADIENT);
                     println!("{stage}: worst {:.1e}", worst.0);
                     assert_sensitive(&stage, |error| {
                         let scaled: Vec<f32> = found.iter().map(|g| g * (1.0 + error as f32)).collect();
-                        compare("perturbed", &expected, &scaled, Relative::ToScale(largest(&expected)), GRADIENT).is_err()
+                        compare("perturbed", &expected, &scaled, Relative::ToScale(largest(&expected)), GRADIENT)
+                            .is_err()
                     });
                 }
             }

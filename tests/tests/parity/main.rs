@@ -13,3 +13,4 @@ mod loss;
 mod metric;
 mod network;
 mod refusals;
+mod training;

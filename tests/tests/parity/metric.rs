@@ -26,7 +26,12 @@ fn relative_l2_matches_with_and_without_halves() {
             let expected = case.get(key, &[1]).values[0];
             let error = |scale: f32| (rel_l2(&image(&case, "image", scale), &reference).value / expected - 1.0).abs();
             println!("{} {key}: relative error {:.1e}", case.name, error(1.0));
-            assert!(error(1.0) <= RELATIVE_L2, "{} {key}: expected {expected:.9e}, error {:.2e}", case.name, error(1.0));
+            assert!(
+                error(1.0) <= RELATIVE_L2,
+                "{} {key}: expected {expected:.9e}, error {:.2e}",
+                case.name,
+                error(1.0)
+            );
             assert!(error(1.001) > RELATIVE_L2, "{} {key}: a picture brighter by 1e-3 goes unnoticed", case.name);
         }
     }

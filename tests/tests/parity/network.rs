@@ -4,8 +4,9 @@ use super::case::Case;
 use super::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
 use sspc_core::features::FEATURE_CHANNELS;
 use sspc_core::image::Image;
-use sspc_core::network::{Network, Shape, backward, forward, run};
+use sspc_core::network::{Network, Shape, WindowNetwork, backward, forward};
 use sspc_core::parameters::Form;
+use sspc_core::plan::Plan;
 use sspc_core::simd::Isa;
 
 /// Nine layers of 117 to 144 products each; of the largest output, since an output near zero is a
@@ -38,10 +39,30 @@ fn raw_outputs_match_on_every_size() {
                 let (found, _) = forward(isa, &shape, &weights, &features, height, width);
                 let worst = assert_close(&stage, expected, &found, Relative::ToScale(largest(expected)), FORWARD);
                 println!("{stage}: worst {:.1e}", worst.0);
-                let network = Network { shape, weights: weights.clone() };
-                let image = Image::from_planes(FEATURE_CHANNELS, height, width, features.clone());
-                let found = run(isa, &network, &image);
-                assert_close(&format!("{stage} of the tiled run"), expected, found.data(), Relative::ToScale(largest(expected)), FORWARD);
+            }
+        }
+    }
+}
+
+/// The path of the correction: activated parameters of a picture, in windows with a halo.
+#[test]
+fn activated_parameters_of_a_picture_match() {
+    for case in Case::of_kind("pipeline") {
+        let shape = Shape::paper(Form::Gated);
+        let (height, width) = case.size("features");
+        let weights = case.get("weights", &[shape.parameter_count()]).f32();
+        let network = Network { shape, weights };
+        let plan = Plan::everything(height, width);
+        for half in 0..2 {
+            let features = case.get("features", &[2, FEATURE_CHANNELS, height, width]).slab(half, half + 1).f32();
+            let image = Image::from_planes(FEATURE_CHANNELS, height, width, features);
+            let expected = case.get("parameters", &[2, 16, height, width]).slab(half, half + 1);
+            for isa in Isa::available() {
+                let stage = format!("{} half {half} {} parameters", case.name, isa.name());
+                let found = WindowNetwork::new(isa, Form::Gated, &network).run_picture(&image, &plan);
+                let worst =
+                    assert_close(&stage, &expected, found.data(), Relative::ToScale(largest(&expected)), FORWARD);
+                println!("{stage}: worst {:.1e}", worst.0);
             }
         }
     }

@@ -49,7 +49,8 @@ fn a_truncated_file_is_an_error_with_its_path() {
 fn a_result_that_is_not_finite_is_a_difference() {
     let expected = Array { shape: vec![1, 1, 2], values: vec![1.0, 2.0] };
     for bad in [f32::NAN, f32::INFINITY] {
-        let mismatch = compare("refusal", &expected, &[1.0, bad], Relative::ToScale(1.0), 1e-5).expect_err("not finite");
+        let mismatch =
+            compare("refusal", &expected, &[1.0, bad], Relative::ToScale(1.0), 1e-5).expect_err("not finite");
         assert_eq!((mismatch.count, mismatch.worst.0), (1, vec![0, 0, 1]));
     }
     let zero = Array { shape: vec![1, 1, 1], values: vec![0.0] };

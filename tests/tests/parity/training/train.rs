@@ -9,8 +9,8 @@ use sspc_train::backend::Backend;
 use sspc_train::model::{Corrector, TileBatch};
 use std::sync::Arc;
 
-/// Adam's epsilon in the reference (Kingma and Ba's own; Burn's default is another).
-const EPSILON: f32 = 1e-8;
+/// Kingma and Ba's own epsilon, as in every fit; Burn's default is another.
+pub const EPSILON: f32 = 1e-8;
 
 /// Which convolutions run the network.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,12 +36,13 @@ pub fn train(
     start: Network,
     size: (usize, usize),
     steps: &[Step],
+    epsilon: f32,
     backend: Backend,
     convolutions: Convolutions,
 ) -> (Vec<f64>, Network) {
     let shape: Shape = start.shape;
     let mut model = Corrector::new(&start, &backend.device().autodiff());
-    let mut optimiser = AdamConfig::new().with_epsilon(EPSILON).init();
+    let mut optimiser = AdamConfig::new().with_epsilon(epsilon).init();
     let mut losses = Vec::new();
     for step in steps {
         let tiles = step.origins.iter().flat_map(|&(top, left)| {
