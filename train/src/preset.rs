@@ -87,10 +87,10 @@ pub struct Settings {
 
 impl Settings {
     pub fn of(preset: Preset, seed: u64) -> Self {
-        let steps = match preset {
-            Preset::Fast => 40,
-            Preset::Quality => 400,
-            Preset::Balanced | Preset::Paper => 100,
+        let (steps, peak) = match preset {
+            Preset::Fast => (40, 5e-3),
+            Preset::Quality => (400, 3e-3),
+            Preset::Balanced | Preset::Paper => (100, 3e-3),
         };
         let ours = Settings {
             preset,
@@ -100,9 +100,9 @@ impl Settings {
             exposure: Exposure::Normalised,
             start: Start::Analytic { gate: 0.7 },
             sampling: Sampling::Random,
-            tile: 32,
-            batch: 16,
-            rate: Rate::Cosine { peak: 3e-3, warm_up: 10 },
+            tile: 48,
+            batch: 8,
+            rate: Rate::Cosine { peak, warm_up: 10 },
             steps,
             epochs: 0,
             influence: 1.0,
