@@ -1,5 +1,6 @@
 //! Presets: how a corrector is started and trained.
 
+use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
 use sspc_core::gc::PAPER_RADIUS;
 use sspc_core::network::Shape;
@@ -71,7 +72,7 @@ pub struct Settings {
     pub sampling: Sampling,
     /// Side of a tile in pixels; smaller pictures are one tile.
     pub tile: usize,
-    /// Tiles a step.
+    /// Tiles a step; of a grid, places, each of which gives a tile of both halves.
     pub batch: usize,
     pub rate: Rate,
     /// Steps; for grids epochs decide instead.
@@ -82,6 +83,8 @@ pub struct Settings {
     pub influence: f32,
     /// What the picture is made of.
     pub composition: Composition,
+    /// Features that may take part: all, or those of the model that training starts from.
+    pub features: FeatureSet,
     pub seed: u64,
 }
 
@@ -107,6 +110,7 @@ impl Settings {
             epochs: 0,
             influence: 1.0,
             composition: Composition::JudgedFullBuffer,
+            features: FeatureSet::ALL,
             seed,
         };
         match preset {
