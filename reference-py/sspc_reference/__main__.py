@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -50,9 +51,10 @@ def command_line():
     command.add_argument("--image", help="written: error map of the first differing stage, PNG")
     command.set_defaults(run=run_compare)
 
-    command = commands.add_parser("time", help="time the steps of a fit, print JSON")
+    command = commands.add_parser("time", help="time the steps of a fit, print JSON with its losses")
     add_frame(command)
     add_schedule(command)
+    command.add_argument("--plan", help="a parity case's weights, tiles and rates instead of a preset")
     command.set_defaults(run=run_time)
 
     command = commands.add_parser("onnx", help="run an exported file in onnxruntime and compare")
@@ -144,22 +146,39 @@ def finish(options, network, frame):
     return 0
 
 
+def planned(folder):
+    """The network and the schedule of a parity case with weights_start, origins and rates."""
+    folder = Path(folder)
+    size = json.loads((folder / "case.json").read_text())["tile"]
+    with np.load(folder / "io.npz") as case:
+        network = networks.Network(activations.PAPER_OUTPUTS)
+        network.load_flat(torch.from_numpy(case["weights_start"]))
+        steps = [
+            fit.Step([fit.Tile(int(top), int(left), size, size) for top, left in origins], float(rate))
+            for origins, rate in zip(case["origins"], case["rates"])
+        ]
+    return network, fit.Schedule(steps)
+
+
 def run_time(options):
     frame = load_frame(options)
-    network, schedule = start(options, frame)
+    network, schedule = planned(options.plan) if options.plan else start(options, frame)
     stamps = [time.perf_counter()]
-    fit.fit(network, frame, schedule, report=lambda step, value: stamps.append(time.perf_counter()))
+    losses = fit.fit(
+        network, frame, schedule, report=lambda step, value: stamps.append(time.perf_counter())
+    )
     seconds = np.diff(stamps)
     pixels = sum(tile.height * tile.width for tile in schedule.steps[0].tiles)
     record = {
         "implementation": f"torch {torch.__version__}",
         "threads": options.threads,
-        "preset": options.preset,
+        "preset": options.plan or options.preset,
         "steps": len(schedule.steps),
         "tiles_per_step": len(schedule.steps[0].tiles),
         "pixels_per_step": pixels,
         "seconds": float(seconds.sum()),
         "median_seconds_per_step": float(np.median(seconds)),
+        "losses": losses,
     }
     print(json.dumps(record))
     return 0

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .features import COUNT
+from .network import HIDDEN_CHANNELS, HIDDEN_LAYERS
+
 # In the order of the data; gradients in the order of the backward pass. Each with the largest
 # difference, relative to the stage's largest value, that rounding to float32 explains.
 FORWARD = 1e-5  # nine layers, 361 weights: a few dozen roundings of 6e-8 each
@@ -55,13 +58,24 @@ def first_difference(expected, found):
         allowed = tolerance * scale
         bad = ~(error <= allowed)  # NaN is bad
         if bad.any():
-            lines.append(f"{stage}: FIRST DIFFERENCE, {describe(e, f, error, bad, allowed)}")
+            name = f"{stage} of layer {layer_of(bad)}" if stage == "d_weights" else stage
+            lines.append(f"{name}: FIRST DIFFERENCE, {describe(e, f, error, bad, allowed)}")
             return Report(True, "\n".join(lines), error)
         worst = error.max(initial=0.0) / scale if scale else 0.0
         lines.append(f"{stage}: equal, worst {worst:.1e} of the largest value (<= {tolerance:.0e})")
     if not any("equal" in line for line in lines):
         raise ValueError("the two files share no stage")
     return Report(False, "\n".join(lines))
+
+
+def layer_of(bad):
+    """The last layer with a bad weight: the first that the backward pass comes to."""
+    last = int(np.flatnonzero(bad)[-1])
+    first_layer = HIDDEN_CHANNELS * (COUNT * 9 + 1)
+    hidden_layer = HIDDEN_CHANNELS * (HIDDEN_CHANNELS * 9 + 1)
+    if last < first_layer:
+        return 1
+    return min(2 + (last - first_layer) // hidden_layer, HIDDEN_LAYERS + 1)
 
 
 def describe(expected, found, error, bad, allowed):

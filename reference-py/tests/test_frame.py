@@ -183,6 +183,15 @@ def test_compare_names_the_first_difference(tmp_path):
     assert "features: FIRST DIFFERENCE, shape" in compare.first_difference(expected, found).text
 
 
+def test_compare_names_the_layer_of_a_gradient():
+    gradient = {"d_weights": uniform(1, 20448).numpy()}
+    for layer, index in [(1, 1887), (2, 1888), (8, 18127), (9, 18128), (9, 20447)]:
+        found = gradient["d_weights"].copy()
+        found[index] += 1
+        text = compare.first_difference(gradient, {"d_weights": found}).text
+        assert f"d_weights of layer {layer}: FIRST DIFFERENCE" in text
+
+
 def test_command_line_fits_and_evaluates(files, capsys):
     folder, _ = files
     a, b, z, w = (str(folder / name) for name in ("a.exr", "b.exr", "z.exr", "w.npy"))

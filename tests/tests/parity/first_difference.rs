@@ -6,17 +6,19 @@
 
 use super::case::{Array, Case};
 use super::closeness::{Relative, compare, largest};
+use super::g_c::Given;
 use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
 use sspc_core::features::FEATURE_CHANNELS;
 use sspc_core::frame::{Frame, HalfBuffer};
-use sspc_core::gc::{ParameterPlanes, Region, Taps, forward};
+use sspc_core::gc::{ParameterPlanes, Region, Taps, backward, forward};
 use sspc_core::image::Image;
 use sspc_core::network::{self, Shape};
 use sspc_core::objective::{Objective, Tile};
 use sspc_core::parameters::{Form, activate};
 use sspc_core::prepare::{Exposure, Prepared};
 use sspc_core::simd::Isa;
+use std::ops::Range;
 use std::path::Path;
 
 /// A stage's name, and what its values may differ by, relative to the stage's largest.
@@ -30,7 +32,7 @@ const LOSS: f64 = 1e-6;
 /// Sums of terms of both signs.
 const GRADIENT: f64 = 1e-4;
 
-const STAGES: [Stage; 16] = [
+const STAGES: [Stage; 25] = [
     ("features", FEATURES),
     ("layer_1", FORWARD),
     ("layer_2", FORWARD),
@@ -45,8 +47,17 @@ const STAGES: [Stage; 16] = [
     ("g", FORWARD),
     ("mu_hat", FORWARD),
     ("loss", LOSS),
+    ("d_parameters", GRADIENT),
     ("d_raw", GRADIENT),
-    ("d_weights", GRADIENT),
+    ("d_layer_9", GRADIENT),
+    ("d_layer_8", GRADIENT),
+    ("d_layer_7", GRADIENT),
+    ("d_layer_6", GRADIENT),
+    ("d_layer_5", GRADIENT),
+    ("d_layer_4", GRADIENT),
+    ("d_layer_3", GRADIENT),
+    ("d_layer_2", GRADIENT),
+    ("d_layer_1", GRADIENT),
 ];
 
 /// What goes wrong on purpose, to see it named.
@@ -54,6 +65,8 @@ const STAGES: [Stage; 16] = [
 struct Fault {
     /// Scales the weights of this layer (1..=9).
     layer: Option<usize>,
+    /// The same, in the backward pass alone.
+    layer_backward: Option<usize>,
     /// Scales this channel of the activated parameters.
     parameter: Option<usize>,
     /// Scales the loss and its gradient.
@@ -77,10 +90,7 @@ fn run(case: &Case, isa: Isa, fault: Fault) -> Vec<Vec<f32>> {
 
     let shape = Shape::paper(Form::Gated);
     let mut weights = case.get("weights", &[shape.parameter_count()]).f32();
-    if let Some(layer) = fault.layer {
-        let start = shape.layer_start(layer - 1);
-        weights[start..start + shape.layer_len(layer - 1)].iter_mut().for_each(|w| *w *= FAULT);
-    }
+    scale_layer(&shape, &mut weights, fault.layer);
     let mut stages = vec![features.clone()];
     for layers in 1..shape.layers {
         // The first layers alone are a network whose last layer lacks its ReLU.
@@ -112,9 +122,40 @@ fn run(case: &Case, isa: Isa, fault: Fault) -> Vec<Vec<f32>> {
     let tiles = [0, 1].map(|half| Tile { half, region });
     let scale = if fault.loss { FAULT } else { 1.0 } / (6 * region.pixels()) as f32;
     let (loss, d_raw) = objective.loss(isa, &tiles, &raw, scale, f32::INFINITY);
+    let d_parameters = d_parameters(case, isa, &objective, region, &parameters);
+    scale_layer(&shape, &mut weights, fault.layer_backward);
     let d_weights = network::backward(isa, &shape, &weights, &saved, &d_raw);
-    stages.extend([raw, parameters, g, mu_hat, vec![loss as f32], d_raw, d_weights]);
+    stages.extend([raw, parameters, g, mu_hat, vec![loss as f32], d_parameters, d_raw]);
+    stages.extend((0..shape.layers).rev().map(|layer| d_weights[weights_of(&shape, layer)].to_vec()));
     stages
+}
+
+fn scale_layer(shape: &Shape, weights: &mut [f32], layer: Option<usize>) {
+    if let Some(layer) = layer {
+        weights[weights_of(shape, layer - 1)].iter_mut().for_each(|w| *w *= FAULT);
+    }
+}
+
+/// Where layer `layer` (from 0) lies in the flat weights.
+fn weights_of(shape: &Shape, layer: usize) -> Range<usize> {
+    shape.layer_start(layer)..shape.layer_start(layer) + shape.layer_len(layer)
+}
+
+/// The gradient of both halves' activated parameters by the reference's own gradient of μ̂: the loss
+/// kernel goes from μ̂ to the raw outputs without showing what lies between.
+fn d_parameters(case: &Case, isa: Isa, objective: &Objective, region: Region, parameters: &[f32]) -> Vec<f32> {
+    let upstream = case.get("d_mu_hat", &[2, 3, region.height, region.width]).f32();
+    let mut gradient = vec![0.0; parameters.len()];
+    let halves = parameters.chunks_exact(16 * region.pixels()).zip(upstream.chunks_exact(3 * region.pixels()));
+    for ((half, (parameters, upstream)), gradient) in
+        objective.halves.iter().zip(halves).zip(gradient.chunks_exact_mut(16 * region.pixels()))
+    {
+        let view = ParameterPlanes::of_region(Form::Gated, parameters, &region);
+        let mut given = Given { upstream, width: region.width, pixels: region.pixels() };
+        let mut out = vec![0.0; 3 * region.pixels()];
+        backward(isa, &half.windows, &objective.taps, region, view, &mut given, &mut out, gradient);
+    }
+    gradient
 }
 
 fn frame(case: &Case, height: usize, width: usize) -> Frame {
@@ -149,8 +190,14 @@ fn report(case: &Case, stages: &[Vec<f32>]) -> (String, Option<&'static str>) {
 }
 
 fn expected(case: &Case, stage: &str) -> Array {
-    let shape = case.arrays.get(stage).map(|a| a.shape.clone()).unwrap_or_default();
-    case.get(stage, &shape).clone()
+    let all = |key: &str| {
+        let shape = case.arrays.get(key).map(|a| a.shape.clone()).unwrap_or_default();
+        case.get(key, &shape)
+    };
+    let Some(layer) = stage.strip_prefix("d_layer_") else { return all(stage).clone() };
+    let layer: usize = layer.parse().expect("a layer's number");
+    let Range { start, end } = weights_of(&Shape::paper(Form::Gated), layer - 1);
+    all("d_weights").slab(start, end)
 }
 
 #[test]
@@ -173,13 +220,20 @@ fn no_stage_of_the_pipeline_differs() {
 fn write_stages(case: &Case, stages: &[Vec<f32>]) -> std::io::Result<()> {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{}.npz", case.name));
     let mut file = NpzWriter::create(path)?;
-    for ((name, _), values) in STAGES.iter().zip(stages) {
+    let mut write = |name: &str, values: &[f32]| {
         let shape: Vec<u64> = expected(case, name).shape.iter().map(|&n| n as u64).collect();
         let mut array = file.array(name, Default::default())?.default_dtype().shape(&shape).begin_nd()?;
         array.extend(values.iter().copied())?;
-        array.finish()?;
+        array.finish()
+    };
+    let (layers, others): (Vec<_>, Vec<_>) =
+        STAGES.iter().zip(stages).partition(|((name, _), _)| name.starts_with("d_layer_"));
+    for ((name, _), values) in others {
+        write(name, values)?;
     }
-    Ok(())
+    // Forward order again, as one flat vector.
+    let d_weights: Vec<f32> = layers.into_iter().rev().flat_map(|(_, values)| values.iter().copied()).collect();
+    write("d_weights", &d_weights)
 }
 
 #[test]
@@ -192,6 +246,10 @@ fn a_fault_is_named_by_the_stage_it_is_in() {
     }
     for channel in 0..16 {
         assert_eq!(named(Fault { parameter: Some(channel), ..Fault::default() }), Some("parameters"));
+    }
+    for layer in 2..=9 {
+        let expected = format!("d_layer_{}", layer - 1);
+        assert_eq!(named(Fault { layer_backward: Some(layer), ..Fault::default() }), Some(expected.as_str()));
     }
     assert_eq!(named(Fault { loss: true, ..Fault::default() }), Some("loss"));
 }

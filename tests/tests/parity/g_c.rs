@@ -83,11 +83,11 @@ impl Setup {
     }
 }
 
-/// The case's upstream gradient `[3, H, W]`.
-struct Given<'a> {
-    upstream: &'a [f32],
-    width: usize,
-    pixels: usize,
+/// An upstream gradient `[3, H, W]` that is known beforehand.
+pub struct Given<'a> {
+    pub upstream: &'a [f32],
+    pub width: usize,
+    pub pixels: usize,
 }
 
 impl Upstream for Given<'_> {
