@@ -40,5 +40,17 @@ pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters:
             }
         }
     }
+    keep_finite(&mut out, windows);
     out
+}
+
+/// z where a correction is not finite: parameters from outside this program may be anything.
+fn keep_finite(picture: &mut Image, windows: &Windows) {
+    let (pixels, width) = (picture.pixels(), picture.width());
+    for i in 0..pixels {
+        if (0..3).any(|k| !picture.plane(k)[i].is_finite()) {
+            let (y, x) = ((i / width) as isize, (i % width) as isize);
+            (0..3).for_each(|k| picture.plane_mut(k)[i] = windows.at(DENOISED + k, y, x));
+        }
+    }
 }

@@ -34,6 +34,16 @@ pub struct FeatureSet {
 
 impl FeatureSet {
     pub const ALL: FeatureSet = FeatureSet { albedo: true, normal: true, visibility: true };
+    pub const NONE: FeatureSet = FeatureSet { albedo: false, normal: false, visibility: false };
+
+    /// Features of either.
+    pub fn union(self, other: FeatureSet) -> FeatureSet {
+        FeatureSet {
+            albedo: self.albedo || other.albedo,
+            normal: self.normal || other.normal,
+            visibility: self.visibility || other.visibility,
+        }
+    }
 }
 
 /// Radius of the largest window Ω_c that [`Windows`] can serve: 25 x 25 pixels.

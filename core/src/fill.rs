@@ -8,43 +8,83 @@ use crate::image::Image;
 /// can fill take the mean of the nearest filled ring of neighbours; a picture without any finite
 /// pixel becomes black.
 pub fn fill_missing(picture: &mut Image, frame: &Frame) {
-    let pixels = picture.pixels();
+    let (width, height) = (picture.width(), picture.height());
     let sources = [&frame.a.denoised, &frame.b.denoised, &frame.a.radiance, &frame.b.radiance];
-    let finite = |image: &Image, i: usize| (0..3).all(|k| image.plane(k)[i].is_finite());
-    let mut open = Vec::new();
-    for i in (0..pixels).filter(|&i| !finite(picture, i)).collect::<Vec<_>>() {
+    let mut due = Vec::new();
+    for i in (0..picture.pixels()).filter(|&i| !finite(picture, i)).collect::<Vec<_>>() {
         match sources.iter().find(|source| finite(source, i)) {
-            Some(source) => (0..3).for_each(|k| picture.plane_mut(k)[i] = source.plane(k)[i].max(0.0)),
-            None => open.push(i),
+            Some(source) => set(picture, i, std::array::from_fn(|k| source.plane(k)[i].max(0.0))),
+            None => due.push(i),
         }
     }
-    while !open.is_empty() {
-        let (width, height) = (picture.width(), picture.height());
+    // Ring after ring; each looks only at the neighbours of the last one.
+    while !due.is_empty() {
         let filled: Vec<(usize, [f32; 3])> =
-            open.iter().filter_map(|&i| neighbours_mean(picture, i, height, width).map(|v| (i, v))).collect();
+            due.iter().filter_map(|&i| neighbours_mean(picture, i, height, width).map(|v| (i, v))).collect();
         if filled.is_empty() {
-            open.iter().for_each(|&i| (0..3).for_each(|k| picture.plane_mut(k)[i] = 0.0));
+            due.iter().for_each(|&i| set(picture, i, [0.0; 3]));
             return;
         }
-        for (i, value) in &filled {
-            (0..3).for_each(|k| picture.plane_mut(k)[*i] = value[k]);
-        }
-        open.retain(|i| filled.binary_search_by_key(i, |f| f.0).is_err());
+        filled.iter().for_each(|(i, value)| set(picture, *i, *value));
+        due = filled.iter().flat_map(|f| around(f.0, height, width)).filter(|&i| !finite(picture, i)).collect();
+        due.sort_unstable();
+        due.dedup();
     }
 }
 
-fn neighbours_mean(picture: &Image, i: usize, height: usize, width: usize) -> Option<[f32; 3]> {
+fn finite(image: &Image, i: usize) -> bool {
+    (0..3).all(|k| image.plane(k)[i].is_finite())
+}
+
+fn set(picture: &mut Image, i: usize, value: [f32; 3]) {
+    (0..3).for_each(|k| picture.plane_mut(k)[i] = value[k]);
+}
+
+/// A pixel's eight neighbours, and itself.
+fn around(i: usize, height: usize, width: usize) -> impl Iterator<Item = usize> {
     let (y, x) = (i / width, i % width);
+    let columns = x.saturating_sub(1)..(x + 2).min(width);
+    (y.saturating_sub(1)..(y + 2).min(height)).flat_map(move |y| columns.clone().map(move |x| y * width + x))
+}
+
+fn neighbours_mean(picture: &Image, i: usize, height: usize, width: usize) -> Option<[f32; 3]> {
     let mut sum = [0.0f32; 3];
     let mut count = 0.0f32;
-    for ny in y.saturating_sub(1)..(y + 2).min(height) {
-        for nx in x.saturating_sub(1)..(x + 2).min(width) {
-            let value: [f32; 3] = std::array::from_fn(|k| picture.at(k, ny, nx));
-            if value.iter().all(|v| v.is_finite()) {
-                (0..3).for_each(|k| sum[k] += value[k]);
-                count += 1.0;
-            }
-        }
+    for n in around(i, height, width).filter(|&n| finite(picture, n)) {
+        (0..3).for_each(|k| sum[k] += picture.plane(k)[n]);
+        count += 1.0;
     }
     (count > 0.0).then(|| sum.map(|s| s / count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::HalfBuffer;
+
+    fn frame(radiance: Image, denoised: Image) -> Frame {
+        let half = HalfBuffer { radiance, denoised, albedo: None, normal: None, visibility: None };
+        Frame { a: half.clone(), b: half, denoised: None, sources: Vec::new(), warnings: Vec::new() }
+    }
+
+    #[test]
+    fn holes_take_the_denoised_value_and_else_grow_shut() {
+        let mut z = Image::filled(3, 9, 11, 2.0);
+        let y = z.clone();
+        (0..3).for_each(|k| z.set(k, 4, 4, 7.0));
+        let mut picture = Image::filled(3, 9, 11, 2.0);
+        picture.set(1, 4, 4, f32::NAN);
+        fill_missing(&mut picture, &frame(y, z));
+        assert_eq!(picture.at(1, 4, 4), 7.0);
+
+        let nothing = Image::filled(3, 9, 11, f32::NAN);
+        let mut picture = nothing.clone();
+        (0..3).for_each(|k| picture.set(k, 0, 0, 3.0));
+        fill_missing(&mut picture, &frame(nothing.clone(), nothing.clone()));
+        assert!(picture.data().iter().all(|v| *v == 3.0));
+
+        let mut picture = nothing.clone();
+        fill_missing(&mut picture, &frame(nothing.clone(), nothing));
+        assert!(picture.data().iter().all(|v| *v == 0.0));
+    }
 }

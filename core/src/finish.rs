@@ -106,15 +106,21 @@ impl Tally {
     /// Whether the correction stays, and what the frame says of the error.
     pub fn verdict(&self, composition: Composition) -> Verdict {
         let gain = self.gain.mean();
-        let may_fall_back = composition == Composition::JudgedFullBuffer;
-        let fallback = (may_fall_back && gain.value <= 0.0).then(|| {
-            format!("the self-supervised loss does not fall: gain {:.3e} ± {:.1e}", gain.value, gain.standard_error)
+        // A gain that is not a number is no gain.
+        let helps = gain.value > 0.0;
+        let fallback = (composition == Composition::JudgedFullBuffer && !helps).then(|| match gain.standard_error {
+            Some(error) if gain.value != 0.0 => {
+                format!("the self-supervised loss does not fall: gain {:.3e} ± {error:.1e}", gain.value)
+            }
+            _ => "there is nothing to correct".to_string(),
         });
-        let denoised = self.error_denoised.mean();
-        let corrected = if fallback.is_some() { denoised } else { self.error_corrected.mean() };
+        let (loss, error) = match fallback {
+            Some(_) => (&self.loss_denoised, &self.error_denoised),
+            None => (&self.loss_corrected, &self.error_corrected),
+        };
         Verdict {
-            loss: Losses { denoised: self.loss_denoised.mean().value, corrected: self.loss_corrected.mean().value },
-            estimate: Estimate { denoised, corrected },
+            loss: Losses { denoised: self.loss_denoised.mean().value, corrected: loss.mean().value },
+            estimate: Estimate { denoised: self.error_denoised.mean(), corrected: error.mean() },
             fallback,
         }
     }
@@ -130,17 +136,19 @@ pub fn finish(
     parameters: [&Image; 2],
 ) -> Finished {
     let rows = 0..prepared.height();
-    let Part { mut correction, share, tally } =
+    let Part { mut correction, mut share, tally } =
         finish_rows(isa, form, taps, composition, prepared, parameters, rows);
     let Verdict { loss, estimate, fallback } = tally.verdict(composition);
     if fallback.is_some() {
         correction.data_mut().fill(0.0);
+        share.data_mut().fill(0.0);
     }
     Finished { correction, share, loss, estimate, fallback }
 }
 
 /// The same for some rows of a picture, or of a band of it that has [`margin`] rows above and below
-/// them wherever the picture has.
+/// them wherever the picture has. Rows and band start at multiples of [`estimate::BLOCK`], so that a
+/// band's blocks are the picture's.
 pub fn finish_rows(
     isa: Isa,
     form: Form,
@@ -243,16 +251,22 @@ impl Evidence {
 
     /// min(1, (Σ w r·d + standard error) / Σ w d²), floored at 0.
     fn share(&self) -> Image {
-        let squared = self.agreement.data().iter().map(|v| v * v).collect();
+        // Squares of more than this would overflow f32.
+        let squared = self.agreement.data().iter().map(|v| v.clamp(-1e18, 1e18).powi(2)).collect();
         let squared = Image::from_planes(1, self.size.height(), self.size.width(), squared);
         let pool = |image: &Image| box_mean(&box_mean(image, JUDGE_RADIUS), JUDGE_RADIUS);
         let (agreement, size, squared) = (pool(&self.agreement), pool(&self.size), pool(&squared));
+        // Share of a pixel's neighbourhood that lies inside the picture, along one side.
+        let inside = |i: usize, n: usize| {
+            ((i + JUDGE_RADIUS + 1).min(n) - i.saturating_sub(JUDGE_RADIUS)) as f64 / (2 * JUDGE_RADIUS + 1) as f64
+        };
         Image::from_fn(1, size.height(), size.width(), |_, y, x| {
             let d = f64::from(size.at(0, y, x));
             if d <= 0.0 {
                 return 0.0;
             }
-            let error = (f64::from(squared.at(0, y, x)).max(0.0) / JUDGE_SAMPLES).sqrt();
+            let samples = (JUDGE_SAMPLES * inside(y, size.height()) * inside(x, size.width())).max(1.0);
+            let error = (f64::from(squared.at(0, y, x)).max(0.0) / samples).sqrt();
             ((f64::from(agreement.at(0, y, x)) + JUDGE_DOUBT * error) / d).clamp(0.0, 1.0) as f32
         })
     }

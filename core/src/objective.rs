@@ -89,7 +89,7 @@ impl Objective {
     /// Corrected radiance of equally large tiles, `[tiles, 3, h, w]`, of the network's `outputs`
     /// `[tiles, P, h, w]`.
     pub fn correct(&self, isa: Isa, tiles: &[Tile], outputs: &[f32]) -> Vec<f32> {
-        let pixels = tiles.first().map_or(0, |t| t.region.pixels());
+        let pixels = self.check(tiles, outputs);
         let mut out = vec![0.0; tiles.len() * 3 * pixels];
         if pixels > 0 {
             out.par_chunks_mut(3 * pixels)
@@ -106,7 +106,8 @@ impl Objective {
 
     /// Gradient of `outputs`, given the gradient of [`Self::correct`]'s result.
     pub fn correct_backward(&self, isa: Isa, tiles: &[Tile], outputs: &[f32], upstream: &[f32]) -> Vec<f32> {
-        let pixels = tiles.first().map_or(1, |t| t.region.pixels());
+        let pixels = self.check(tiles, outputs).max(1);
+        assert_eq!(upstream.len(), 3 * tiles.iter().map(|t| t.region.pixels()).sum::<usize>(), "upstream gradient");
         let mut gradient = vec![0.0; outputs.len()];
         gradient
             .par_chunks_mut(self.form.parameters() * pixels)
@@ -119,12 +120,15 @@ impl Objective {
         gradient
     }
 
-    /// The loss of tiles, Σ over pixels and channels of weighted squared errors times `scale`, and
-    /// its gradient by `outputs`. With an `influence` limit m, a pixel whose weighted error norm is
-    /// e counts with e² / √(1 + e²/m²) times its gradient: outliers of y lose their say over the
-    /// parameters, while no radiance is changed.
+    /// The loss of tiles, Σ over pixels and channels of weighted squared errors times `scale`, and a
+    /// gradient by `outputs` to train on.
+    ///
+    /// With an infinite `influence` that is the loss's own gradient. With a limit m it is the
+    /// gradient of Σ 2m² (√(1 + e²/m²) - 1), where e² is a pixel's weighted squared error: outliers
+    /// of y lose their say over the parameters, while no radiance is changed and the value returned
+    /// stays that of the plain loss.
     pub fn loss(&self, isa: Isa, tiles: &[Tile], outputs: &[f32], scale: f32, influence: f32) -> (f64, Vec<f32>) {
-        let pixels = tiles.first().map_or(1, |t| t.region.pixels());
+        let pixels = self.check(tiles, outputs).max(1);
         let mut gradient = vec![0.0; outputs.len()];
         let losses: Vec<f64> = gradient
             .par_chunks_mut(self.form.parameters() * pixels)
@@ -138,6 +142,14 @@ impl Objective {
             })
             .collect();
         (losses.iter().sum(), gradient)
+    }
+
+    /// Pixels of every tile.
+    fn check(&self, tiles: &[Tile], outputs: &[f32]) -> usize {
+        let pixels = tiles.first().map_or(0, |t| t.region.pixels());
+        assert!(tiles.iter().all(|t| t.region.pixels() == pixels), "tiles of one size");
+        assert_eq!(outputs.len(), tiles.len() * self.form.parameters() * pixels, "network outputs of the tiles");
+        pixels
     }
 
     fn activated(&self, isa: Isa, outputs: &[f32]) -> Vec<f32> {

@@ -43,7 +43,7 @@ pub enum Exposure {
     Normalised,
 }
 
-/// Mean of the darker 95 % of z̄ that normalised exposure aims at: the constants of the method
+/// Mean of the darker 95 % of the positive z̄ that normalised exposure aims at: the constants of the method
 /// (0.01, log(1 + d)) are made for renders of about this brightness.
 const TARGET_MEAN: f64 = 0.25;
 /// Share of the pixels that count for exposure: emitters seen directly do not.
@@ -78,6 +78,18 @@ impl Survey {
             negative_values: colours(frame).map(|image| negative_values(image, &valid)).sum(),
         };
         Self { exposure, set, found }
+    }
+
+    /// The same with only those features that a model was `fitted` with: weights of others were
+    /// never trained.
+    pub fn with_features_of(self, fitted: FeatureSet) -> Self {
+        let FeatureSet { albedo, normal, visibility } = self.set;
+        let set = FeatureSet {
+            albedo: albedo && fitted.albedo,
+            normal: normal && fitted.normal,
+            visibility: visibility && fitted.visibility,
+        };
+        Self { set, ..self }
     }
 }
 
@@ -180,8 +192,9 @@ fn normalised_exposure(frame: &Frame, valid: &Image) -> f32 {
     means.sort_by(f64::total_cmp);
     means.truncate(((means.len() as f64 * EXPOSED_SHARE).ceil() as usize).max(1).min(means.len()));
     let mean = means.iter().sum::<f64>() / means.len().max(1) as f64;
-    let factor = (TARGET_MEAN / mean) as f32;
-    if factor.is_normal() { factor } else { 1.0 }
+    // Beyond this range the squares of exposures and radiances leave f32.
+    let factor = (TARGET_MEAN / mean).clamp(1e-12, 1e12);
+    if factor.is_finite() && !means.is_empty() { factor as f32 } else { 1.0 }
 }
 
 fn varies<'a>(frame: &'a Frame, valid: &Image, feature: impl Fn(&'a HalfBuffer) -> Option<&'a Image>) -> bool {
@@ -208,7 +221,8 @@ fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Imag
             for c in 0..image.channels() {
                 let target = features.plane_mut(first + c).iter_mut();
                 for ((t, v), ok) in target.zip(image.plane(c)).zip(valid.plane(0)) {
-                    *t = if *ok != 0.0 { *v } else { 0.0 };
+                    // Far outside their ranges, so that their squared differences stay finite.
+                    *t = if *ok != 0.0 { v.clamp(-1e4, 1e4) } else { 0.0 };
                 }
             }
         }

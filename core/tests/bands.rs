@@ -64,7 +64,10 @@ fn bands_give_the_same_picture_and_the_same_figures() {
         // The box means add rows in another order: f64 sums of f32 values, rounded to f32.
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs();
         assert!(close(verdict.loss.corrected, expected.loss.corrected));
-        assert!(close(verdict.estimate.corrected.standard_error, expected.estimate.corrected.standard_error));
+        assert!(close(
+            verdict.estimate.corrected.standard_error.unwrap(),
+            expected.estimate.corrected.standard_error.unwrap()
+        ));
         for (top, part) in corrections {
             for c in 0..3 {
                 for y in 0..part.height() {

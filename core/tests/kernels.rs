@@ -60,7 +60,9 @@ impl Upstream for Fixed<'_> {
 
 /// Largest difference, relative to `scale`.
 fn worst(got: &[f32], truth: &[f64], scale: f64) -> f64 {
-    got.iter().zip(truth).map(|(&g, t)| (f64::from(g) - t).abs() / scale).fold(0.0, f64::max)
+    let errors = got.iter().zip(truth).map(|(&g, t)| (f64::from(g) - t).abs() / scale);
+    // NaN is the worst of all.
+    errors.fold(0.0, |worst: f64, e| if e.is_nan() { f64::INFINITY } else { worst.max(e) })
 }
 
 struct Case {

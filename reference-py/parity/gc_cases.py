@@ -8,6 +8,24 @@ from sspc_reference import activations, features, gc
 from .case import Case, Inputs, double, stack
 
 
+def magnitude(image, parameters, radius):
+    """What mu_hat is the sum of, without signs: its ratio to |mu_hat| is the sum's condition number."""
+    padded = gc.mirror_pad(image, radius)
+    total, weights = 0, 0
+    for dy in range(-radius, radius + 1):
+        for dx in range(-radius, radius + 1):
+            sums = gc.offset_sums(image, padded, parameters, radius, dy, dx).abs()
+            weight, radiance, denoised, albedo, normal = sums.split([1, 3, 3, 3, 3], dim=1)
+            weights = weights + weight
+            total = total + radiance
+            for name, part in (("denoised", denoised), ("albedo", albedo), ("normal", normal)):
+                total = total + parameters[:, activations.SLOPES[f"beta_{name}"]].abs() * part
+    total = total / weights
+    if parameters.shape[1] == activations.GATED_OUTPUTS:
+        total = total + image[:, features.CHANNELS["denoised"]].abs()
+    return total
+
+
 def corrected(name, purpose, inputs, raw, radius, upstream, present=features.CHANNELS):
     """A case of mu_hat = g_c (or gated), from features, raw outputs and an upstream gradient."""
     facts = {
@@ -30,6 +48,7 @@ def corrected(name, purpose, inputs, raw, radius, upstream, present=features.CHA
         parameters=parameters[0],
         g=gc.correct(image, parameters, radius)[0],
         mu_hat=mu_hat[0],
+        magnitude=magnitude(image, parameters, radius)[0].float(),
         d_parameters=parameters.grad[0],
         d_raw=raw_leaf.grad[0],
     )

@@ -1,4 +1,4 @@
-"""Command line: sspc-reference fit | evaluate | compare | time."""
+"""Command line: sspc-reference fit | evaluate | compare | time | onnx."""
 
 import argparse
 import json
@@ -8,7 +8,7 @@ import time
 import numpy as np
 import torch
 
-from . import activations, compare, evaluate, fit, network as networks, read
+from . import activations, compare, evaluate, fit, network as networks, onnx_check, read
 from .features import CHANNELS, BadInput
 
 
@@ -54,6 +54,11 @@ def command_line():
     add_frame(command)
     add_schedule(command)
     command.set_defaults(run=run_time)
+
+    command = commands.add_parser("onnx", help="run an exported file in onnxruntime and compare")
+    command.add_argument("model", help="ONNX: the network graph or the image graph")
+    add_frame(command)
+    command.set_defaults(run=run_onnx)
     return parser
 
 
@@ -157,6 +162,14 @@ def run_time(options):
         "median_seconds_per_step": float(np.median(seconds)),
     }
     print(json.dumps(record))
+    return 0
+
+
+def run_onnx(options):
+    frame = load_frame(options)
+    worst = onnx_check.check(onnx_check.load(options.model), torch.cat([frame.a, frame.b]))
+    for name, value in worst.items():
+        print(json.dumps({"output": name, "worst_relative_difference": value}))
     return 0
 
 

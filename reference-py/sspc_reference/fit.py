@@ -6,7 +6,7 @@ below only write such a list, and `fit` carries any list out with Adam.
 
 import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -14,8 +14,12 @@ from . import activations, gc, network as networks
 from .features import part
 from .loss import loss
 
-# How far the network sees, in pixels: one per 3x3 layer.
+# How far the network sees, in pixels: one per 3x3 layer. With this halo a tile's parameters come out
+# as in the whole picture.
 NETWORK_RADIUS = networks.HIDDEN_LAYERS + 1
+
+# Larger batches gain nothing and spend their time on allocating memory.
+PIXELS_AT_ONCE = 128 * 128
 
 
 @dataclass(frozen=True)
@@ -46,37 +50,50 @@ class Adam:
 @dataclass(frozen=True)
 class Schedule:
     steps: list[Step]
-    # Pixels around each tile that the network and g_c may look at. 0: a tile is an image of its
-    # own, padded and mirrored at its own border, as the paper's patches are.
-    halo: int
+    # Pixels around a tile that the network may look at while training; 0: each tile is an image of
+    # its own to the network, zeros around it. The windows of g_c always reach into the picture.
+    halo: int = 0
     adam: Adam = Adam()
 
 
-def full_halo(radius=gc.RADIUS):
-    """The halo with which a tile's pixels come out as in the whole image.
-
-    g_c of a pixel takes the parameters of that pixel alone, so the two footprints do not add up.
-    """
-    return max(NETWORK_RADIUS, radius)
-
-
-def tile_loss(network, frame, tile, halo, radius=gc.RADIUS):
-    """Eq. 9 over one tile: a scalar with gradients."""
-    height, width = frame.a.shape[2:]
+def raw_outputs(network, half, tile, halo):
+    """The network's outputs for one tile of a half's features, [1, P, tile height, tile width]."""
+    height, width = half.shape[2:]
     top, left = max(tile.top - halo, 0), max(tile.left - halo, 0)
     bottom = min(tile.top + tile.height + halo, height)
     right = min(tile.left + tile.width + halo, width)
-    window = torch.cat(
-        [frame.a[:, :, top:bottom, left:right], frame.b[:, :, top:bottom, left:right]]
-    )
-    outputs = gc.gated(window, activations.activate(network(window)), radius)
+    raw = network(half[:, :, top:bottom, left:right])
+    inside = Tile(tile.top - top, tile.left - left, tile.height, tile.width)
+    return cut(raw, inside)
 
-    rows = slice(tile.top - top, tile.top - top + tile.height)
-    columns = slice(tile.left - left, tile.left - left + tile.width)
-    output_a, output_b = outputs[:, :, rows, columns].split(1)
-    noisy_a, noisy_b = part(window, "radiance")[:, :, rows, columns].split(1)
-    denoised_a, denoised_b = part(window, "denoised")[:, :, rows, columns].split(1)
-    return loss(output_a, output_b, noisy_a, noisy_b, denoised_a, denoised_b)
+
+def cut(image, tile):
+    """One tile of [B, C, H, W]."""
+    return image[
+        :, :, tile.top : tile.top + tile.height, tile.left : tile.left + tile.width
+    ]
+
+
+def tiles_loss(network, frame, tiles, halo, radius=gc.RADIUS):
+    """Eq. 9 over equally large tiles: a scalar with gradients."""
+
+    def of_all(image, larger_by=0):
+        """The tiles of one image as a batch, each `larger_by` pixels higher and wider."""
+        return torch.cat(
+            [
+                cut(image, replace(tile, height=tile.height + larger_by, width=tile.width + larger_by))
+                for tile in tiles
+            ]
+        )
+
+    halves = (frame.a, frame.b)
+    raw = torch.cat([raw_outputs(network, half, tile, halo) for half in halves for tile in tiles])
+    padded = torch.cat([of_all(gc.mirror_pad(half, radius), 2 * radius) for half in halves])
+    outputs = gc.gated_padded(padded, activations.activate(raw), radius)
+    a, b = (of_all(half) for half in halves)
+    noisy = part(a, "radiance"), part(b, "radiance")
+    denoised = part(a, "denoised"), part(b, "denoised")
+    return loss(*outputs.chunk(2), *noisy, *denoised)
 
 
 def step_gradient(network, frame, tiles, halo, radius=gc.RADIUS):
@@ -87,12 +104,21 @@ def step_gradient(network, frame, tiles, halo, radius=gc.RADIUS):
     network.zero_grad()
     pixels = sum(tile.height * tile.width for tile in tiles)
     total = 0.0
-    for tile in tiles:
-        value = tile_loss(network, frame, tile, halo, radius)
-        share = tile.height * tile.width / pixels
-        (value * share).backward()
-        total += value.item() * share
+    for group in groups(tiles):
+        share = sum(tile.height * tile.width for tile in group) / pixels
+        value = tiles_loss(network, frame, group, halo, radius) * share
+        value.backward()
+        total += value.item()
     return total
+
+
+def groups(tiles):
+    """The tiles in groups of one size, small enough to be worked on at once."""
+    for size in sorted({(tile.height, tile.width) for tile in tiles}):
+        equal = [tile for tile in tiles if (tile.height, tile.width) == size]
+        at_once = max(PIXELS_AT_ONCE // (size[0] * size[1]), 1)
+        for start in range(0, len(equal), at_once):
+            yield equal[start : start + at_once]
 
 
 def fit(network, frame, schedule, radius=gc.RADIUS, report=lambda step, loss: None):
@@ -142,11 +168,11 @@ def paper_schedule(frame, seed, epochs=20, size=128, stride=64, batch=16):
         steps += [
             Step(patches[start : start + batch], rate) for start in range(0, len(patches), batch)
         ]
-    return Schedule(steps, halo=0)
+    return Schedule(steps)
 
 
-def tile_schedule(frame, seed, steps, size=32, batch=16, rate=3e-3, warmup=10, radius=gc.RADIUS):
-    """Random tiles in their context; a linear warm-up, then half a cosine down to zero."""
+def tile_schedule(frame, seed, steps, size=32, batch=16, rate=3e-3, warmup=10):
+    """Random tiles; a linear warm-up, then half a cosine down to zero."""
     height, width = frame.a.shape[2:]
     tile_height, tile_width = min(size, height), min(size, width)
     draw = random.Random(seed).randint
@@ -161,6 +187,5 @@ def tile_schedule(frame, seed, steps, size=32, batch=16, rate=3e-3, warmup=10, r
         return rate * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
 
     return Schedule(
-        [Step([tile() for _ in range(batch)], rate_at(step)) for step in range(steps)],
-        halo=full_halo(radius),
+        [Step([tile() for _ in range(batch)], rate_at(step)) for step in range(steps)]
     )

@@ -91,15 +91,21 @@ def row_sums(features, padded, parameters, radius, dy):
 
 
 def correct(features, parameters, radius=RADIUS):
-    """g_c of every pixel: features [B, 13, H, W], activated parameters [B, 15 or 16, H, W] -> [B, 3, H, W].
+    """g_c of every pixel: features [B, 13, H, W], activated parameters [B, 15 or 16, H, W] -> [B, 3, H, W]."""
+    check_image("features", features, COUNT)
+    return correct_padded(mirror_pad(features, radius), parameters, radius)
+
+
+def correct_padded(padded, parameters, radius=RADIUS):
+    """g_c of a rectangle whose surroundings are known: features [B, 13, H + 2 radius, W + 2 radius].
 
     The slopes do not depend on i, so they leave the sum of Eq. 10:
         g_c = ( S_y + beta^z o S_dz + beta^rho o S_drho + beta^n o S_dn ) / max(S_w, 1e-5).
     The gate (channel 15), where there is one, plays no part here; see `gated`.
     """
-    check_image("features", features, COUNT)
+    check_image("padded features", padded, COUNT)
+    features = inner(padded, radius)
     check_parameters(parameters, features)
-    padded = mirror_pad(features, radius)
     sums = features.new_zeros(features.shape[0], SUM_CHANNELS, *features.shape[2:])
     for dy in range(-radius, radius + 1):
         # One row's intermediate images are recomputed in the backward pass instead of kept:
@@ -117,6 +123,12 @@ def correct(features, parameters, radius=RADIUS):
     return corrected / weight.clamp_min(WEIGHT_FLOOR)
 
 
+def inner(padded, radius):
+    """Takes a border of `radius` pixels off [B, C, H + 2 radius, W + 2 radius]."""
+    height, width = padded.shape[2] - 2 * radius, padded.shape[3] - 2 * radius
+    return padded[:, :, radius : radius + height, radius : radius + width]
+
+
 def combine(features, parameters, radius=RADIUS):
     """f_c of Deep Combiner (Back et al. 2020), the ablation: g_c with beta^z = 1, beta^rho = beta^n = 0."""
     slopes = torch.zeros_like(parameters[:, 0:9])
@@ -125,11 +137,20 @@ def combine(features, parameters, radius=RADIUS):
 
 
 def gated(features, parameters, radius=RADIUS):
-    """mu_hat_c = z_c + s_c (g_c - z_c); the paper's form has no gate, so mu_hat is g_c itself."""
-    corrected = correct(features, parameters, radius)
+    """mu_hat of every pixel: features [B, 13, H, W], activated parameters [B, 15 or 16, H, W] -> [B, 3, H, W].
+
+    mu_hat_c = z_c + s_c (g_c - z_c); the paper's form has no gate, and mu_hat is g_c itself.
+    """
+    check_image("features", features, COUNT)
+    return gated_padded(mirror_pad(features, radius), parameters, radius)
+
+
+def gated_padded(padded, parameters, radius=RADIUS):
+    """As `gated`, of a rectangle whose surroundings are known; see `correct_padded`."""
+    corrected = correct_padded(padded, parameters, radius)
     if parameters.shape[1] == PAPER_OUTPUTS:
         return corrected
-    denoised = features[:, CHANNELS["denoised"]]
+    denoised = inner(padded, radius)[:, CHANNELS["denoised"]]
     return denoised + parameters[:, GATE : GATE + 1] * (corrected - denoised)
 
 

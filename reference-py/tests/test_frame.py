@@ -81,17 +81,17 @@ def test_a_tile_with_its_halo_is_a_part_of_the_whole():
     frame = random_frame(2, 17, 14)
     net = network.Network(16).double()
     network.near_denoised_start(net, generator(1))
-    radius, whole = 2, [fit.Tile(0, 0, 17, 14)]
+    radius, halo, whole = 2, fit.NETWORK_RADIUS, [fit.Tile(0, 0, 17, 14)]
     parts = [
         fit.Tile(0, 0, 5, 14), fit.Tile(5, 0, 12, 3), fit.Tile(5, 3, 1, 11), fit.Tile(6, 3, 11, 11)
     ]
     expected = fit.step_gradient(net, frame, whole, halo=0, radius=radius)
     gradient = net.flat_gradient()
-    found = fit.step_gradient(net, frame, parts, fit.full_halo(radius), radius)
+    found = fit.step_gradient(net, frame, parts, halo, radius)
     assert math.isclose(found, expected, rel_tol=1e-12)
     assert torch.allclose(net.flat_gradient(), gradient, rtol=1e-9, atol=1e-12)
     # One pixel less of halo must show, or the test could not fail.
-    short = fit.step_gradient(net, frame, parts, fit.full_halo(radius) - 1, radius)
+    short = fit.step_gradient(net, frame, parts, halo - 1, radius)
     assert abs(short - expected) > 1e-9 * expected
 
 
@@ -119,7 +119,7 @@ def test_fitting_lowers_the_loss_and_repeats_itself():
     def losses():
         net = network.Network(16).double()
         network.near_denoised_start(net, generator(3))
-        schedule = fit.tile_schedule(frame, 5, steps=6, size=8, batch=2, radius=2)
+        schedule = fit.tile_schedule(frame, 5, steps=6, size=8, batch=2)
         before = fit.step_gradient(net, frame, [fit.Tile(0, 0, 12, 12)], 0, radius=2)
         steps = fit.fit(net, frame, schedule, radius=2)
         return before, steps, fit.step_gradient(net, frame, [fit.Tile(0, 0, 12, 12)], 0, radius=2)

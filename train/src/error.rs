@@ -11,14 +11,14 @@ pub enum Error {
     #[error("{}: {source}", path.display())]
     Model { path: PathBuf, source: sspc_onnx::FileError },
 
-    #[error("{}: cannot start from it: expected {expected}, found {found}", path.display())]
-    Contract { path: PathBuf, expected: String, found: String },
-
     #[error(transparent)]
     Invalid(#[from] sspc_onnx::Error),
 
     #[error("{}: cannot make the output folder: {source}", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
+
+    #[error("cannot write the report: {0}")]
+    Report(serde_json::Error),
 
     #[error("{0}")]
     Arguments(String),
@@ -37,8 +37,8 @@ impl Error {
                 ErrorKind::Input => 3,
                 ErrorKind::Output => 4,
             },
-            Error::Model { .. } | Error::Contract { .. } => 3,
-            Error::Invalid(_) | Error::Folder { .. } => 4,
+            Error::Model { .. } => 3,
+            Error::Invalid(_) | Error::Report(_) | Error::Folder { .. } => 4,
             Error::Interrupted => 130,
         }
     }
@@ -47,7 +47,7 @@ impl Error {
     pub fn advice(&self) -> Option<&'static str> {
         match self {
             Error::Core(error) => Some(error.advice()),
-            Error::Model { .. } | Error::Contract { .. } => Some("give a model.onnx that sspc-train fit wrote"),
+            Error::Model { .. } => Some("give a model.onnx that sspc-train fit wrote"),
             Error::Folder { .. } => Some("check that the parent folder exists and may be written to"),
             _ => None,
         }

@@ -24,6 +24,14 @@ pub struct Limits {
     pub time: Option<Duration>,
 }
 
+impl Limits {
+    /// Share of the time limit that is over, 0 without one. It moves the rate schedule on, so that
+    /// training ends at a low rate whichever limit ends it; the result then depends on the clock.
+    fn elapsed_share(&self, start: Instant) -> f64 {
+        self.time.map_or(0.0, |limit| start.elapsed().as_secs_f64() / limit.as_secs_f64())
+    }
+}
+
 /// One step, as told to the observer.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Step {
@@ -77,26 +85,31 @@ pub fn objective(prepared: &Prepared, settings: &Settings) -> Arc<Objective> {
     Arc::new(Objective::new(prepared, settings.form, Taps::square(settings.radius), prepared.set))
 }
 
-/// 0.01 · √mean((y^a - y^b)² / 4) and the like: the paper's learning rate from the frame's noise.
+/// Adam moves every weight by about the rate: above this a network of weights near 0.1 is lost.
+const LARGEST_RATE: f64 = 0.1;
+
+/// `factor` · √mean((y^a - y^b)² / 4), the paper's learning rate from the frame's noise, at most 0.1.
 pub fn noise_scaled_rate(factor: f64, prepared: &[&Prepared]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for p in prepared {
         for k in RADIANCE..RADIANCE + 3 {
-            for (a, b) in p.halves[0].plane(k).iter().zip(p.halves[1].plane(k)) {
-                sum += f64::from(a - b).powi(2) / 4.0;
+            let pairs = p.halves[0].plane(k).iter().zip(p.halves[1].plane(k)).enumerate();
+            for (_, (a, b)) in pairs.filter(|(i, _)| p.is_valid(*i)) {
+                sum += (f64::from(*a) - f64::from(*b)).powi(2) / 4.0;
                 count += 1.0;
             }
         }
     }
-    factor * f64::sqrt(sum / f64::max(count, 1.0))
+    (factor * f64::sqrt(sum / f64::max(count, 1.0))).min(LARGEST_RATE)
 }
 
-fn rate_at(settings: &Settings, noise_rate: f64, step: usize, steps: usize) -> f64 {
+fn rate_at(settings: &Settings, noise_rate: f64, step: usize, steps: usize, elapsed: f64) -> f64 {
     match settings.rate {
         Rate::NoiseScaled { .. } => noise_rate,
         Rate::Cosine { peak, warm_up } => {
             let warm = ((step + 1) as f64 / warm_up.max(1) as f64).min(1.0);
-            let cosine = 0.5 * (1.0 + (std::f64::consts::PI * step as f64 / steps.max(1) as f64).cos());
+            let done = (step as f64 / steps.max(1) as f64).max(elapsed).min(1.0);
+            let cosine = 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
             peak * warm * cosine
         }
     }
@@ -127,6 +140,8 @@ pub fn fit(
     let device = backend.device().autodiff();
     let shape = initial.shape;
     let mut model = Corrector::new(&initial, &device);
+    // The last weights that gave a finite loss and gradient, and how far to go from them.
+    let (mut good, mut brake) = (model.clone(), 1.0);
     let mut optimiser = AdamConfig::new().with_epsilon(1e-8).init();
     let (mut history, mut dropped, mut end) = (Vec::new(), 0, End::AllSteps);
     for step in 0..steps {
@@ -139,14 +154,17 @@ pub fn fit(
         };
         let loss = batch.loss(batch.outputs(model.weights()), settings.influence);
         let value = f64::from(loss.clone().into_scalar::<f32>());
-        let rate = rate_at(settings, noise_rate, step, steps);
+        let rate = brake * rate_at(settings, noise_rate, step, steps, limits.elapsed_share(start));
         let gradients = GradientsParams::from_grads(loss.backward(), &model);
         let finite = value.is_finite()
             && gradients.get::<1>(model.id()).is_some_and(|g| to_vec(g).iter().all(|v| v.is_finite()));
         if finite {
+            good = model.clone();
             model = optimiser.step(rate, model, gradients);
         } else {
             dropped += 1;
+            brake *= 0.5;
+            model = good.clone();
         }
         let seconds = start.elapsed().as_secs_f64();
         history.push(Step { step: step + 1, of: steps, loss: value, rate, seconds });
@@ -159,6 +177,10 @@ pub fn fit(
             break;
         }
     }
-    let network = Network { shape, weights: model.to_vec() };
+    let mut weights = model.to_vec();
+    if weights.iter().any(|w| !w.is_finite()) {
+        weights = good.to_vec();
+    }
+    let network = Network { shape, weights };
     Fitted { network, history, dropped, end, seconds: start.elapsed().as_secs_f64() }
 }

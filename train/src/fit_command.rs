@@ -9,15 +9,16 @@ use crate::output::OutputFolder;
 use crate::preset::Settings;
 use crate::progress::Progress;
 use crate::report::{RelL2, Report, Seconds, peak_rss_bytes, settings_json, skipped};
-use crate::write::write_outputs;
+use crate::write::{check_outputs, write_outputs};
 use sspc_core::corrector::parameters;
-use sspc_core::finish::{Finished, finish, picture};
+use sspc_core::finish::{Composition, Finished, finish, picture};
 use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
 use sspc_core::io::RoleOverrides;
 use sspc_core::network::Network;
-use sspc_core::prepare::Prepared;
+use sspc_core::plan::Plan;
+use sspc_core::prepare::{Prepared, Survey};
 use sspc_core::simd::Isa;
 use std::time::{Duration, Instant};
 
@@ -38,13 +39,14 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
         Some(_) => read_shot(args, &overrides)?,
         None => vec![read(frame_files(args)?, &overrides)?],
     };
-    let prepared: Vec<Prepared> = inputs.iter().map(|i| Prepared::new(&i.frame, settings.exposure)).collect();
+    let prepared: Vec<Prepared> = inputs.iter().map(|input| prepare(input, &settings)).collect();
     say_what_was_read(&progress, &inputs, &prepared);
     let read_seconds = start.elapsed().as_secs_f64();
     if args.dry_run {
         return Ok(());
     }
-    let folder = OutputFolder::open(&args.output)?;
+    let mut folder = OutputFolder::open(&args.output)?;
+    check_outputs(&mut folder, &inputs)?;
 
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let isa = Isa::best();
@@ -79,9 +81,20 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
     if interrupted() {
         return Err(Error::Interrupted);
     }
-    write_outputs(args, &settings, &inputs, &fitted, &results, reports, folder, start)?;
+    write_outputs(args, &settings, &inputs, &prepared, &fitted, &results, reports, folder, start)?;
     results.iter().zip(&inputs).for_each(|(result, input)| say_result(&progress, input, result));
     Ok(())
+}
+
+/// A frame in the method's units, with the features that the settings allow. The paper computes
+/// every pixel.
+fn prepare(input: &Input, settings: &Settings) -> Prepared {
+    let survey = Survey::of(&input.frame, settings.exposure).with_features_of(settings.features);
+    let mut prepared = Prepared::by_survey(&input.frame, survey);
+    if settings.composition == Composition::MeanOfHalves {
+        prepared.plan = Plan::everything(prepared.height(), prepared.width());
+    }
+    prepared
 }
 
 /// A corrected frame.
@@ -170,9 +183,10 @@ fn say_result(progress: &Progress, input: &Input, result: &Outcome) {
         progress.say(&format!("{}: the output is the denoiser's, {reason}", input.name));
     }
     let estimate = &result.finished.estimate;
+    let error = estimate.corrected.standard_error.map_or("uncertainty unknown".into(), |e| format!("± {e:.5}"));
     progress.say(&format!(
-        "estimated relL2 of the halves' mean: denoised {:.5}, corrected {:.5} ± {:.5}",
-        estimate.denoised.value, estimate.corrected.value, estimate.corrected.standard_error
+        "estimated relL2 of the halves' mean: denoised {:.5}, corrected {:.5} {error}",
+        estimate.denoised.value, estimate.corrected.value
     ));
     if let Some(RelL2 { noisy, denoised, corrected, .. }) = result.rel_l2 {
         progress.say(&format!(

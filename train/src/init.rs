@@ -7,8 +7,8 @@ use sspc_core::network::Network;
 use sspc_onnx::{Model, load_model, write_image, write_network};
 use std::path::Path;
 
-/// Network of a fitted model to start from; form, window and exposure of the settings become the
-/// model's.
+/// Network of a fitted model to start from; form, window, exposure, composition and features of the
+/// settings become the model's.
 ///
 /// # Errors
 /// [`Error::Model`] when the file is no model.
@@ -18,6 +18,8 @@ pub fn load(path: &Path, settings: &mut Settings) -> Result<Network, Error> {
     settings.shape = model.contract.shape;
     settings.radius = model.contract.window_radius;
     settings.exposure = model.contract.exposure;
+    settings.composition = model.contract.composition;
+    settings.features = model.contract.features;
     Ok(model.network())
 }
 

@@ -19,6 +19,16 @@ pub struct Input {
     pub reference: Option<Reference>,
 }
 
+impl Input {
+    /// Name of an output of this frame.
+    pub fn file_name(&self, stem: &str, extension: &str) -> String {
+        match self.frame_number {
+            Some(number) => format!("{stem}.{number}.{extension}"),
+            None => format!("{stem}.{extension}"),
+        }
+    }
+}
+
 /// The files of the frame that the arguments name.
 pub fn frame_files(args: &FitArgs) -> Result<FrameFiles, Error> {
     let files = match (&args.a_file, &args.b_file, &args.paper_layout) {

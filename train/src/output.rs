@@ -1,6 +1,8 @@
-//! The folder a fit writes: made when needed, and left as it was found when something fails.
+//! The folder a fit writes: made when needed; when something fails, files that were not there before
+//! are removed again, and each file that was there is the old one or the whole new one.
 
 use crate::error::Error;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// An output folder and the files of this run in it. Dropped before [`OutputFolder::keep`], it
@@ -20,20 +22,25 @@ impl OutputFolder {
     /// [`Error::Folder`] when it cannot be made, is not a folder, or cannot be written to.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let refuse = |source| Error::Folder { path: path.to_path_buf(), source };
-        let created = !path.exists();
+        let created = path.symlink_metadata().is_err();
         if created {
             std::fs::create_dir(path).map_err(refuse)?;
         }
         let folder = Self { path: path.to_path_buf(), created, added: Vec::new(), kept: false };
         let probe = path.join(format!(".sspc-{}.probe", std::process::id()));
-        std::fs::write(&probe, b"").and_then(|()| std::fs::remove_file(&probe)).map_err(refuse)?;
+        File::create_new(&probe).and_then(|_| std::fs::remove_file(&probe)).map_err(refuse)?;
         Ok(folder)
+    }
+
+    /// The path of a file in the folder.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
     }
 
     /// The path of a file that is about to be written.
     pub fn add(&mut self, name: &str) -> PathBuf {
-        let path = self.path.join(name);
-        if !path.exists() {
+        let path = self.file(name);
+        if path.symlink_metadata().is_err() && !self.added.contains(&path) {
             self.added.push(path.clone());
         }
         path

@@ -1,5 +1,6 @@
 //! Presets: how a corrector is started and trained.
 
+use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
 use sspc_core::gc::PAPER_RADIUS;
 use sspc_core::network::Shape;
@@ -71,7 +72,7 @@ pub struct Settings {
     pub sampling: Sampling,
     /// Side of a tile in pixels; smaller pictures are one tile.
     pub tile: usize,
-    /// Tiles a step.
+    /// Tiles a step; of a grid, places, each of which gives a tile of both halves.
     pub batch: usize,
     pub rate: Rate,
     /// Steps; for grids epochs decide instead.
@@ -82,15 +83,17 @@ pub struct Settings {
     pub influence: f32,
     /// What the picture is made of.
     pub composition: Composition,
+    /// Features that may take part: all, or those of the model that training starts from.
+    pub features: FeatureSet,
     pub seed: u64,
 }
 
 impl Settings {
     pub fn of(preset: Preset, seed: u64) -> Self {
-        let steps = match preset {
-            Preset::Fast => 40,
-            Preset::Quality => 400,
-            Preset::Balanced | Preset::Paper => 100,
+        let (steps, peak) = match preset {
+            Preset::Fast => (40, 5e-3),
+            Preset::Quality => (400, 3e-3),
+            Preset::Balanced | Preset::Paper => (100, 3e-3),
         };
         let ours = Settings {
             preset,
@@ -100,13 +103,14 @@ impl Settings {
             exposure: Exposure::Normalised,
             start: Start::Analytic { gate: 0.7 },
             sampling: Sampling::Random,
-            tile: 32,
-            batch: 16,
-            rate: Rate::Cosine { peak: 3e-3, warm_up: 10 },
+            tile: 48,
+            batch: 8,
+            rate: Rate::Cosine { peak, warm_up: 10 },
             steps,
             epochs: 0,
             influence: 1.0,
             composition: Composition::JudgedFullBuffer,
+            features: FeatureSet::ALL,
             seed,
         };
         match preset {

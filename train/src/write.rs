@@ -7,22 +7,37 @@ use crate::fit_command::{Outcome, denoised, noisy};
 use crate::inputs::Input;
 use crate::output::OutputFolder;
 use crate::preset::Settings;
-use crate::report::Report;
+use crate::report::{Report, peak_rss_bytes};
+use sspc_core::features::FeatureSet;
 use sspc_core::image::Image;
-use sspc_core::io::atomic::atomic_write_bytes;
+use sspc_core::io::atomic::{atomic_write_bytes, check_output};
 use sspc_core::io::preview::{Rgb8, auto_exposure, error_map, strip, tone_map, write_png};
 use sspc_core::io::write_corrected;
+use sspc_core::prepare::Prepared;
 use rayon::prelude::*;
 use sspc_onnx::{Contract, Model, write_network};
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Writes everything; with several frames their names carry the frame's index in the order given.
+/// Whether every file may be written: worth asking before training.
+pub fn check_outputs(folder: &mut OutputFolder, inputs: &[Input]) -> Result<(), Error> {
+    let protected: Vec<PathBuf> = inputs.iter().flat_map(|i| i.files.all()).collect();
+    check_output(&folder.file("model.onnx"), &protected)?;
+    for input in inputs {
+        for (stem, extension) in [("corrected", "exr"), ("report", "json")] {
+            check_output(&folder.file(&input.file_name(stem, extension)), &protected)?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes everything; of a shot, names carry the frame's number.
 #[allow(clippy::too_many_arguments)] // the whole of a run ends here
 pub fn write_outputs(
     args: &FitArgs,
     settings: &Settings,
     inputs: &[Input],
+    prepared: &[Prepared],
     fitted: &Fitted,
     results: &[Outcome],
     mut reports: Vec<Report>,
@@ -31,17 +46,13 @@ pub fn write_outputs(
 ) -> Result<(), Error> {
     let begin = Instant::now();
     let protected: Vec<PathBuf> = inputs.iter().flat_map(|i| i.files.all()).collect();
-    let model = write_network(&model(args, settings, inputs, fitted)?);
+    let model = write_network(&model(args, settings, inputs, prepared, fitted)?);
     atomic_write_bytes(&folder.add("model.onnx"), &protected, &model)?;
     // Compression takes longer than everything else here: all files of a frame at once.
     for (input, result) in inputs.iter().zip(results) {
-        let name = |stem: &str, extension: &str| match &input.frame_number {
-            Some(number) => format!("{stem}.{number}.{extension}"),
-            None => format!("{stem}.{extension}"),
-        };
-        let picture = folder.add(&name("corrected", "exr"));
+        let picture = folder.add(&input.file_name("corrected", "exr"));
         let previews: Vec<(PathBuf, Rgb8)> =
-            previews(input, result).into_iter().map(|(stem, p)| (folder.add(&name(stem, "png")), p)).collect();
+            previews(input, result).into_iter().map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p)).collect();
         let provenance = provenance(args, fitted, result);
         let (written, shown) = rayon::join(
             || write_corrected(&picture, &input.files.a, &protected, &result.corrected, &provenance),
@@ -53,24 +64,28 @@ pub fn write_outputs(
     for (input, report) in inputs.iter().zip(&mut reports) {
         report.seconds.write = begin.elapsed().as_secs_f64();
         report.seconds.total = start.elapsed().as_secs_f64();
-        let name = match &input.frame_number {
-            Some(number) => format!("report.{number}.json"),
-            None => "report.json".into(),
-        };
-        let json = serde_json::to_vec_pretty(report).unwrap_or_default();
-        atomic_write_bytes(&folder.add(&name), &protected, &json)?;
+        report.peak_rss_bytes = peak_rss_bytes();
+        let json = serde_json::to_vec_pretty(report).map_err(Error::Report)?;
+        atomic_write_bytes(&folder.add(&input.file_name("report", "json")), &protected, &json)?;
     }
     folder.keep();
     Ok(())
 }
 
 /// The fitted network with its contract.
-fn model(args: &FitArgs, settings: &Settings, inputs: &[Input], fitted: &Fitted) -> Result<Model, Error> {
+fn model(
+    args: &FitArgs,
+    settings: &Settings,
+    inputs: &[Input],
+    prepared: &[Prepared],
+    fitted: &Fitted,
+) -> Result<Model, Error> {
     let mut contract = Contract::new(settings.form);
     contract.shape = settings.shape;
     contract.window_radius = settings.radius;
     contract.exposure = settings.exposure;
     contract.composition = settings.composition;
+    contract.features = prepared.iter().fold(FeatureSet::NONE, |all, p| all.union(p.set));
     contract.seed = args.seed;
     contract.frames = inputs.iter().map(|i| i.name.clone()).collect();
     contract.tool = concat!("sspc-train ", env!("CARGO_PKG_VERSION")).into();

@@ -90,12 +90,12 @@ impl<U: Upstream> Kernel for Correct<'_, U> {
 /// Loads `lanes` of a row; the rest of the vector is zero.
 ///
 /// # Safety
-/// `source[at..at + lanes]` must exist; the machine must have `S`.
+/// The machine must have `S`.
 #[inline(always)]
 pub(crate) unsafe fn load_lanes<S: Simd>(source: &[f32], at: usize, lanes: usize) -> S::F {
     unsafe {
         if lanes == S::LANES {
-            S::load(source.as_ptr().add(at))
+            S::load(source[at..at + S::LANES].as_ptr())
         } else {
             let mut rest = [0.0; MAX_LANES];
             rest[..lanes].copy_from_slice(&source[at..at + lanes]);

@@ -62,16 +62,8 @@ impl Simd for Portable {
         Lanes(std::array::from_fn(|i| a.0[i] * b.0[i] + c.0[i]))
     }
     #[inline(always)]
-    unsafe fn fnma(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
-        Lanes(std::array::from_fn(|i| c.0[i] - a.0[i] * b.0[i]))
-    }
-    #[inline(always)]
     unsafe fn max(a: Lanes, b: Lanes) -> Lanes {
         zip(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn min(a: Lanes, b: Lanes) -> Lanes {
-        zip(a, b, |a, b| if a < b { a } else { b })
     }
     #[inline(always)]
     unsafe fn sqrt(a: Lanes) -> Lanes {

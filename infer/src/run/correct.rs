@@ -7,7 +7,6 @@
 use super::report::Seconds;
 use crate::engine::{Engine, PlanError};
 use sspc_core::estimate::{BLOCK, Estimate, Losses};
-use sspc_core::features::FeatureSet;
 use sspc_core::finish::{Part, Tally, Verdict, finish_rows, margin, picture_of};
 use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
@@ -64,7 +63,7 @@ pub fn correct(
     let contract = &engine.model().contract;
     let taps = Taps::square(contract.window_radius);
     let begin = Instant::now();
-    let survey = known_features(Survey::of(frame, contract.exposure), contract.features);
+    let survey = Survey::of(frame, contract.exposure).with_features_of(contract.features);
     seconds.features += begin.elapsed().as_secs_f64();
 
     let (height, width) = (frame.height(), frame.width());
@@ -92,17 +91,6 @@ pub fn correct(
     seconds.finish += begin.elapsed().as_secs_f64();
     let pixels = (height * width).max(1) as f64;
     Ok(Corrected { picture, survey, loss, estimate, fallback, mean_share: kept / pixels, active_share: active / pixels })
-}
-
-/// Features that both the frame has and the model was fitted with.
-fn known_features(survey: Survey, fitted: FeatureSet) -> Survey {
-    let FeatureSet { albedo, normal, visibility } = survey.set;
-    let set = FeatureSet {
-        albedo: albedo && fitted.albedo,
-        normal: normal && fitted.normal,
-        visibility: visibility && fitted.visibility,
-    };
-    Survey { set, ..survey }
 }
 
 /// Rows of a band that fit the memory, beside the rows around it.

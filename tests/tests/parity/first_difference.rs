@@ -1,0 +1,214 @@
+//! The whole pipeline on one case, stage by stage in the order of the data, to name the first stage
+//! that differs and not only the last.
+//!
+//! The stages of the run are left as `pipeline.npz` beside the error maps (cargo's `target/tmp`):
+//! `sspc-reference compare tests/cases/pipeline/io.npz target/tmp/pipeline.npz` reads them too.
+
+use super::case::{Array, Case};
+use super::closeness::{Relative, compare, largest};
+use npyz::WriterBuilder;
+use npyz::npz::NpzWriter;
+use sspc_core::features::FEATURE_CHANNELS;
+use sspc_core::frame::{Frame, HalfBuffer};
+use sspc_core::gc::{ParameterPlanes, Region, Taps, forward};
+use sspc_core::image::Image;
+use sspc_core::network::{self, Shape};
+use sspc_core::objective::{Objective, Tile};
+use sspc_core::parameters::{Form, activate};
+use sspc_core::prepare::{Exposure, Prepared};
+use sspc_core::simd::Isa;
+use std::path::Path;
+
+/// A stage's name, and what its values may differ by, relative to the stage's largest.
+type Stage = (&'static str, f64);
+/// Copied, never computed.
+const FEATURES: f64 = 0.0;
+/// A few dozen roundings of 6e-8.
+const FORWARD: f64 = 1e-5;
+/// A mean of positive terms.
+const LOSS: f64 = 1e-6;
+/// Sums of terms of both signs.
+const GRADIENT: f64 = 1e-4;
+
+const STAGES: [Stage; 16] = [
+    ("features", FEATURES),
+    ("layer_1", FORWARD),
+    ("layer_2", FORWARD),
+    ("layer_3", FORWARD),
+    ("layer_4", FORWARD),
+    ("layer_5", FORWARD),
+    ("layer_6", FORWARD),
+    ("layer_7", FORWARD),
+    ("layer_8", FORWARD),
+    ("layer_9", FORWARD),
+    ("parameters", FORWARD),
+    ("g", FORWARD),
+    ("mu_hat", FORWARD),
+    ("loss", LOSS),
+    ("d_raw", GRADIENT),
+    ("d_weights", GRADIENT),
+];
+
+/// What goes wrong on purpose, to see it named.
+#[derive(Clone, Copy, Default)]
+struct Fault {
+    /// Scales the weights of this layer (1..=9).
+    layer: Option<usize>,
+    /// Scales this channel of the activated parameters.
+    parameter: Option<usize>,
+    /// Scales the loss and its gradient.
+    loss: bool,
+    /// Swaps y and z.
+    features: bool,
+}
+
+/// By how much a fault scales.
+const FAULT: f32 = 1.001;
+
+/// One run: every stage's values, both halves one after another.
+fn run(case: &Case, isa: Isa, fault: Fault) -> Vec<Vec<f32>> {
+    let (height, width) = case.size("radiance");
+    let mut frame = frame(case, height, width);
+    if fault.features {
+        std::mem::swap(&mut frame.a.radiance, &mut frame.a.denoised);
+    }
+    let prepared = Prepared::new(&frame, Exposure::AsIs);
+    let features = [prepared.halves[0].data(), prepared.halves[1].data()].concat();
+
+    let shape = Shape::paper(Form::Gated);
+    let mut weights = case.get("weights", &[shape.parameter_count()]).f32();
+    if let Some(layer) = fault.layer {
+        let start = shape.layer_start(layer - 1);
+        weights[start..start + shape.layer_len(layer - 1)].iter_mut().for_each(|w| *w *= FAULT);
+    }
+    let mut stages = vec![features.clone()];
+    for layers in 1..shape.layers {
+        // The first layers alone are a network whose last layer lacks its ReLU.
+        let start = Shape { layers, outputs: shape.hidden, ..shape };
+        let (mut out, _) = network::forward(isa, &start, &weights[..start.parameter_count()], &features, height, width);
+        out.iter_mut().for_each(|v| *v = v.max(0.0));
+        stages.push(out);
+    }
+    let (raw, saved) = network::forward(isa, &shape, &weights, &features, height, width);
+
+    let objective = Objective::new(&prepared, Form::Gated, Taps::square(case.count("radius")), prepared.set);
+    let region = Region { top: 0, left: 0, height, width };
+    let (mut parameters, mut g, mut mu_hat) = (Vec::new(), Vec::new(), Vec::new());
+    for (half, raw) in objective.halves.iter().zip(raw.chunks_exact(16 * region.pixels())) {
+        let mut activated = raw.to_vec();
+        activate(isa, Form::Gated, &mut activated);
+        if let Some(channel) = fault.parameter {
+            let plane = channel * region.pixels()..(channel + 1) * region.pixels();
+            activated[plane].iter_mut().for_each(|p| *p *= FAULT);
+        }
+        for (form, out) in [(Form::Paper, &mut g), (Form::Gated, &mut mu_hat)] {
+            let view = ParameterPlanes::of_region(form, &activated[..form.parameters() * region.pixels()], &region);
+            let mut corrected = vec![0.0; 3 * region.pixels()];
+            forward(isa, &half.windows, &objective.taps, region, view, &mut corrected);
+            out.extend(corrected);
+        }
+        parameters.extend(activated);
+    }
+    let tiles = [0, 1].map(|half| Tile { half, region });
+    let scale = if fault.loss { FAULT } else { 1.0 } / (6 * region.pixels()) as f32;
+    let (loss, d_raw) = objective.loss(isa, &tiles, &raw, scale, f32::INFINITY);
+    let d_weights = network::backward(isa, &shape, &weights, &saved, &d_raw);
+    stages.extend([raw, parameters, g, mu_hat, vec![loss as f32], d_raw, d_weights]);
+    stages
+}
+
+fn frame(case: &Case, height: usize, width: usize) -> Frame {
+    let half = |index: usize| {
+        let image = |key: &str, channels: usize| {
+            let both = case.get(key, &[2, channels, height, width]);
+            Image::from_planes(channels, height, width, both.slab(index, index + 1).f32())
+        };
+        HalfBuffer {
+            radiance: image("radiance", 3),
+            denoised: image("denoised", 3),
+            albedo: Some(image("albedo", 3)),
+            normal: Some(image("normal", 3)),
+            visibility: Some(image("visibility", 1)),
+        }
+    };
+    Frame { a: half(0), b: half(1), denoised: None, sources: Vec::new(), warnings: Vec::new() }
+}
+
+/// One line for each stage up to the first that differs, and that stage's name.
+fn report(case: &Case, stages: &[Vec<f32>]) -> (String, Option<&'static str>) {
+    let mut text = String::new();
+    for ((name, tolerance), found) in STAGES.iter().zip(stages) {
+        let expected = expected(case, name);
+        let (stage, relative) = (format!("{} {name}", case.name), Relative::ToScale(largest(&expected)));
+        match compare(&stage, &expected, found, relative, *tolerance) {
+            Ok(worst) => text += &format!("{name}: equal, worst {:.1e} (<= {tolerance:.0e})\n", worst.0),
+            Err(mismatch) => return (text + &format!("FIRST DIFFERENCE, {mismatch}\n"), Some(name)),
+        }
+    }
+    (text, None)
+}
+
+fn expected(case: &Case, stage: &str) -> Array {
+    let shape = case.arrays.get(stage).map(|a| a.shape.clone()).unwrap_or_default();
+    case.get(stage, &shape).clone()
+}
+
+#[test]
+fn no_stage_of_the_pipeline_differs() {
+    for case in Case::of_kind("pipeline") {
+        let (height, width) = case.size("radiance");
+        case.get("features", &[2, FEATURE_CHANNELS, height, width]);
+        for isa in Isa::available() {
+            let stages = run(&case, isa, Fault::default());
+            let (text, differs) = report(&case, &stages);
+            println!("{} {}:\n{text}", case.name, isa.name());
+            assert_eq!(differs, None, "{} {}:\n{text}", case.name, isa.name());
+            if isa == Isa::best() {
+                write_stages(&case, &stages).expect("stages are written");
+            }
+        }
+    }
+}
+
+fn write_stages(case: &Case, stages: &[Vec<f32>]) -> std::io::Result<()> {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{}.npz", case.name));
+    let mut file = NpzWriter::create(path)?;
+    for ((name, _), values) in STAGES.iter().zip(stages) {
+        let shape: Vec<u64> = expected(case, name).shape.iter().map(|&n| n as u64).collect();
+        let mut array = file.array(name, Default::default())?.default_dtype().shape(&shape).begin_nd()?;
+        array.extend(values.iter().copied())?;
+        array.finish()?;
+    }
+    Ok(())
+}
+
+#[test]
+fn a_fault_is_named_by_the_stage_it_is_in() {
+    let case = Case::load("pipeline").unwrap_or_else(|error| panic!("{error}"));
+    let named = |fault: Fault| report(&case, &run(&case, Isa::best(), fault)).1;
+    assert_eq!(named(Fault { features: true, ..Fault::default() }), Some("features"));
+    for layer in 1..=9 {
+        assert_eq!(named(Fault { layer: Some(layer), ..Fault::default() }), Some(STAGES[layer].0));
+    }
+    for channel in 0..16 {
+        assert_eq!(named(Fault { parameter: Some(channel), ..Fault::default() }), Some("parameters"));
+    }
+    assert_eq!(named(Fault { loss: true, ..Fault::default() }), Some("loss"));
+}
+
+#[test]
+fn a_report_says_how_many_the_first_the_worst_and_where_the_map_is() {
+    let case = Case::load("pipeline").unwrap_or_else(|error| panic!("{error}"));
+    let mut stages = run(&case, Isa::best(), Fault::default());
+    // Half a, channel 1, row 2, column 3 and half b, channel 0, row 6, column 5 of layer 4.
+    stages[4][7 * 6 + 2 * 6 + 3] += 0.25;
+    stages[4][16 * 7 * 6 + 6 * 6 + 5] = f32::NAN;
+    let (text, stage) = report(&case, &stages);
+    assert_eq!(stage, Some("layer_4"));
+    assert!(text.contains("layer_3: equal"), "{text}");
+    assert!(text.contains("2 of 1344 values differ"), "{text}");
+    assert!(text.contains("first at [0, 1, 2, 3]"), "{text}");
+    assert!(text.contains("at [1, 0, 6, 5]"), "{text}");
+    let path = text.split("error map: ").nth(1).expect("an error map").trim();
+    assert!(Path::new(path).metadata().is_ok_and(|m| m.len() > 0), "{path}");
+}
