@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from . import figures
+from .frames import SAMPLE
 
 SMALL = 640 * 360
 LARGE = 1280 * 720
@@ -49,6 +50,8 @@ def verdicts(preset, frames, rows, cells):
     mean_frames = figures.judged(frames)
     mean = figures.mean_over(mean_frames, lambda f: ratio_of(cells, f.name, preset))
     lacking = figures.lacking(mean_frames, cells, preset)
+    # The goals are for whole frames of several scenes; a crop of one says little.
+    only_sample = all(frame.scene == SAMPLE for frame in mean_frames)
     worst = figures.worst(frames, cells, preset)
     staircase = ratio_of(cells, LADDER_FRAME, preset)
 
@@ -57,10 +60,11 @@ def verdicts(preset, frames, rows, cells):
         return Verdict(preset, what, f"≤ {limit:g}", text, None if value is None else value <= limit)
 
     def unless_lacking(verdict, lacking, certain=None):
-        """A figure that lacks frames decides nothing, but for a `certain` verdict that more frames cannot change."""
-        if verdict.met is None or not lacking:
+        """A figure that lacks frames, or is of the sample alone, decides nothing, but for a `certain` verdict that more frames cannot change."""
+        if verdict.met is None or not (lacking or only_sample):
             return verdict
-        return replace(verdict, found=f"{verdict.found}, {lacking} lacking", met=certain)
+        why = f"{lacking} lacking" if lacking else "the sample alone"
+        return replace(verdict, found=f"{verdict.found}, {why}", met=certain)
 
     worst_verdict = verdict("worst frame", goal.worst, worst and worst[0], worst and f"{worst[0]:.3f} ({worst[1]})")
     with_reference = [frame for frame in frames if frame.reference]

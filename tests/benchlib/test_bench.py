@@ -146,6 +146,11 @@ class Goals(unittest.TestCase):
         bad = self.verdicts(result("f", ratio=1.5), result("g", failure="broken"))
         self.assertIs(bad["worst frame"].met, False)
 
+    def test_the_sample_alone_decides_nothing(self):
+        alone = self.verdicts(result("sample", ratio=0.5))["geometric mean, at least"]
+        self.assertIsNone(alone.met)
+        self.assertIn("0.500", alone.found)
+
     def test_a_mix_that_helps_nowhere_is_no_competitor(self):
         self.assertIsNone(self.verdicts(result("f", ratio=1.0, mix=1.0))["below the best fixed mix"].met)
 
