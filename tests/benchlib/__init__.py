@@ -1,0 +1,1 @@
+"""The benchmark: frames -> jobs -> runs, each checked -> figures -> record (table, JSON, plot)."""

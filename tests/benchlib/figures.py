@@ -1,0 +1,156 @@
+"""From results to figures: one cell for a frame and a column, means over frames, equal time. Pure functions."""
+
+import math
+from dataclasses import dataclass
+from statistics import median
+
+from .frames import SAMPLE
+
+
+@dataclass(frozen=True)
+class Row:
+    """A frame in the tables."""
+
+    name: str
+    pixels: int
+    # relL2 of the noisy and the denoised picture, and of their best fixed mix (None: not known).
+    noisy: float | None
+    denoised: float | None
+    mix: float | None
+
+    def ratio(self, value):
+        return None if value is None or not self.denoised else value / self.denoised
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What one column did to one frame, over its seeds and repeats."""
+
+    # relL2 over the denoiser's: geometric mean over the seeds; None without a reference.
+    ratio: float | None
+    # Whole-process wall seconds: median, least and most.
+    seconds: float
+    least_seconds: float
+    most_seconds: float
+    cpu_seconds: float
+    peak_rss_bytes: int
+    steps: int | None
+    fallback: str | None
+
+
+def geometric_mean(values):
+    """Of positive numbers, at least one; raises ValueError otherwise."""
+    values = list(values)
+    if not values or any(not v > 0 or not math.isfinite(v) for v in values):
+        raise ValueError(f"a geometric mean needs finite numbers above 0, found {values}")
+    return math.exp(math.fsum(map(math.log, values)) / len(values))
+
+
+def succeeded(results):
+    return [result for result in results if not result["failure"]]
+
+
+def rows(results, frames):
+    """Rows by name, in the order of the frames, for frames that have a result."""
+    by_name = {}
+    for result in succeeded(results):
+        known = result.get("rel_l2") or {}
+        mix = (known.get("best_mix") or {}).get("rel_l2")
+        row = by_name.get(result["frame"])
+        if row is None or (row.mix is None and mix is not None):
+            pixels = result.get("width", 0) * result.get("height", 0)
+            row = Row(result["frame"], pixels, known.get("noisy"), known.get("denoised"), mix)
+            by_name[result["frame"]] = row
+    return {frame.name: by_name[frame.name] for frame in frames if frame.name in by_name}
+
+
+def cells(results):
+    """Cells by (frame, column)."""
+    grouped = {}
+    for result in succeeded(results):
+        grouped.setdefault((result["frame"], result["column"]), []).append(result)
+    return {key: cell(group) for key, group in grouped.items()}
+
+
+def cell(group):
+    ratios = {}
+    for result in group:
+        known = result.get("rel_l2")
+        if known and known["denoised"] > 0 and known["corrected"] > 0:
+            ratios[result["seed"]] = known["corrected"] / known["denoised"]
+    walls = [result["wall_seconds"] for result in group]
+    steps = [result["steps"] for result in group if result.get("steps") is not None]
+    return Cell(
+        ratio=geometric_mean(ratios.values()) if ratios else None,
+        seconds=median(walls),
+        least_seconds=min(walls),
+        most_seconds=max(walls),
+        cpu_seconds=median(result["cpu_seconds"] for result in group),
+        peak_rss_bytes=max(result["peak_rss_bytes"] for result in group),
+        steps=round(median(steps)) if steps else None,
+        fallback=next((result["fallback"] for result in group if result.get("fallback")), None),
+    )
+
+
+def judged(frames):
+    """The frames that a mean is over: those with a reference, as denoised; the sample (a crop) only if alone."""
+    whole = [frame for frame in frames if frame.reference and frame.variant is None]
+    others = [frame for frame in whole if frame.scene != SAMPLE]
+    return others or whole
+
+
+def mean_over(frames, value):
+    """Geometric mean of value(frame) in which the frames of a shot count as one; None where nothing is known."""
+    groups = {}
+    for frame in frames:
+        known = value(frame)
+        if known is not None:
+            groups.setdefault(frame.shot or frame.name, []).append(known)
+    if not groups:
+        return None
+    return geometric_mean(geometric_mean(group) for group in groups.values())
+
+
+def lacking(frames, found, column):
+    """How many of the frames the column has no ratio of: its run failed, or was not made."""
+    return sum((f.name, column) not in found or found[f.name, column].ratio is None for f in frames)
+
+
+def worst(frames, found, column):
+    """(ratio, frame name) of the column's worst frame, None where nothing is known."""
+    known = [(found[f.name, column].ratio, f.name) for f in frames if (f.name, column) in found]
+    known = [(ratio, name) for ratio, name in known if ratio is not None]
+    return max(known) if known else None
+
+
+@dataclass(frozen=True)
+class EqualTime:
+    """What a column's seconds would have bought as samples."""
+
+    # Samples per pixel after rendering for the column's seconds more; None where the frame's are not known.
+    spp: float | None
+    factor: float
+    noisy: float
+    # The denoiser's relL2 there, between (or beyond) the sample counts of the scene at hand; None with only one.
+    denoised: float | None
+
+
+def equal_time(row, spp, render_seconds, extra_seconds, ladder):
+    """Noise variance falls with 1 / samples; the denoiser's error along a straight line in log-log.
+
+    `ladder`: (spp, relL2 of the denoiser) of the same scene.
+    """
+    factor = 1 + extra_seconds / render_seconds
+    more = spp * factor if spp else None
+    return EqualTime(more, factor, row.noisy / factor, interpolate(ladder, more) if more else None)
+
+
+def interpolate(ladder, spp):
+    """Log-log interpolation between the two nearest of at least two points, by increasing spp; None with fewer."""
+    points = sorted((s, e) for s, e in ladder if s and e and e > 0)
+    if len(points) < 2:
+        return None
+    above = next((i for i, (s, _) in enumerate(points) if s >= spp), len(points) - 1)
+    (s0, e0), (s1, e1) = points[max(above, 1) - 1], points[max(above, 1)]
+    share = (math.log(spp) - math.log(s0)) / (math.log(s1) - math.log(s0))
+    return math.exp(math.log(e0) + share * (math.log(e1) - math.log(e0)))

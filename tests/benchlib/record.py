@@ -1,0 +1,291 @@
+"""The record: everything as JSON, tables as Markdown, the plot as SVG."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from . import figures, goals, plot
+from .jobs import SSPC
+
+
+class Record:
+    """Figures of one benchmark. `about`: machine, commit, programs, command, settings, how it ended."""
+
+    def __init__(self, about, frames, columns, results, render_seconds):
+        self.about = about
+        self.frames = frames
+        # (heading, method, preset) in the order of the methods.
+        self.columns = columns
+        self.results = results
+        self.render_seconds = render_seconds
+        self.rows = figures.rows(results, frames)
+        self.cells = figures.cells(results)
+
+    def write(self, folder):
+        """Writes DATE-COMMIT.md, .json and, with a point to plot, .svg beside earlier records; their paths."""
+        folder.mkdir(parents=True, exist_ok=True)
+        stem = free_stem(folder, f"{self.about['date'][:10]}-{self.about['commit']['hash']}" + self.dirty("-dirty"))
+        picture = self.svg()
+        texts = {".md": self.markdown(f"{stem}.svg" if picture else None), ".json": self.json()}
+        texts |= {".svg": picture} if picture else {}
+        paths = []
+        for suffix, text in texts.items():
+            paths.append(folder / (stem + suffix))
+            paths[-1].write_text(text)
+        return paths
+
+    def dirty(self, word):
+        return word if self.about["commit"]["dirty"] else ""
+
+    def json(self):
+        verdicts = [asdict(v) for preset in self.rated() for v in self.verdicts(preset)]
+        frames = [{"name": f.name, "spp": f.spp, "other_denoising": f.variant, "shot": f.shot} for f in self.frames]
+        means = {heading: self.mean_ratio(heading) for heading, _, _ in self.columns}
+        everything = self.about | {
+            "frames": frames,
+            "geometric_means": means,
+            "goals": verdicts,
+            "equal_time": self.equal_times(),
+            "results": self.results,
+        }
+        return json.dumps(everything, indent=1) + "\n"
+
+    def svg(self):
+        """None without a single point."""
+        of_method = {}
+        over = self.common_frames()
+        for heading, method, preset in self.columns:
+            point = self.point(heading, preset, over)
+            if point:
+                of_method.setdefault(method, []).append(point)
+        series = [plot.Series(method, tuple(points)) for method, points in of_method.items()]
+        if not series:
+            return None
+        levels = [plot.Level("denoiser, full buffer", 1.0)]
+        mix = figures.mean_over(over, lambda f: self.mix_ratio(f.name))
+        if mix is not None and mix < 0.9995:
+            levels.append(plot.Level("best fixed mix", mix))
+        subtitle = f"geometric mean over {self.count(over)}; {self.short_machine()}; {self.about['commit']['hash']}{self.dirty(' and changes')}"
+        return plot.svg("Error against time", subtitle, series, levels)
+
+    def point(self, heading, preset, over):
+        known = [f for f in over if (f.name, heading) in self.cells]
+        ratio = figures.mean_over(known, lambda f: self.ratio(f.name, heading))
+        if ratio is None:
+            return None
+        return plot.Point(preset, figures.mean_over(known, lambda f: self.cells[f.name, heading].seconds), ratio)
+
+    def common_frames(self):
+        """The frames of the mean that every column has; all of the mean's where no frame has every column."""
+        judged = figures.judged(self.frames)
+        measured = [h for h, _, _ in self.columns if any((f.name, h) in self.cells for f in judged)]
+        whole = [f for f in judged if all((f.name, h) in self.cells for h in measured)]
+        return whole or judged
+
+    def count(self, frames):
+        names = {frame.shot or frame.name for frame in frames}
+        return "1 frame" if len(names) == 1 else f"{len(names)} frames"
+
+    def ratio(self, name, heading):
+        return goals.ratio_of(self.cells, name, heading)
+
+    def mix_ratio(self, name):
+        row = self.rows.get(name)
+        return row.ratio(row.mix) if row else None
+
+    def mean_ratio(self, heading, frames=None):
+        frames = figures.judged(self.frames) if frames is None else frames
+        return figures.mean_over(frames, lambda f: self.ratio(f.name, heading))
+
+    def rated(self):
+        """Presets to be held against the goals: not those of a shortened trial."""
+        if self.about["steps_limit"]:
+            return []
+        return [preset for _, method, preset in self.columns if method == SSPC and preset in goals.GOALS]
+
+    def verdicts(self, preset):
+        return goals.verdicts(preset, self.frames, self.rows, self.cells)
+
+    def short_machine(self):
+        machine = self.about["machine"]
+        return f"{machine['processor']}, {machine['cores_usable']} cores"
+
+    def markdown(self, picture):
+        parts = [
+            f"# Benchmark of {self.about['date'][:10]}, commit {self.about['commit']['hash']}{self.dirty(' with changes')}",
+            self.failures(),
+            self.about_text(),
+            f"![relL2 against seconds]({picture})" if picture else "",
+            "## Goals\n\n" + self.goals_table(),
+            "## relL2 ÷ the denoiser's\n\n" + self.ratio_table(),
+            "## Seconds, file to file\n\n" + self.seconds_table(),
+            "## Where the seconds go\n\n" + self.split_table(),
+            "## Equal time\n\n" + self.equal_time_text(),
+        ]
+        return "\n\n".join(part for part in parts if part) + "\n"
+
+    def failures(self):
+        failed = [r for r in self.results if r["failure"]]
+        lines = [f"- {r['frame']}, {r['column']}, seed {r['seed']}: {r['failure']}" for r in failed]
+        lines += [f"- {problem}" for problem in self.about["problems"]]
+        return "\n".join(["**Not all is well:**", *lines]) if lines else ""
+
+    def about_text(self):
+        about, machine = self.about, self.about["machine"]
+        memory = f"{machine['memory_bytes'] / 2**30:.1f} GiB" if machine["memory_bytes"] else "unknown"
+        threads = sorted({r["threads"] for r in figures.succeeded(self.results) if r.get("threads")})
+        lines = [
+            f"- Machine: {machine['processor']}; {machine['cores_usable']} of {machine['cores_present']} cores usable, "
+            f"{' and '.join(map(str, threads)) or 'unknown'} threads used; memory {memory}; {machine['system']}",
+            f"- Load average (1, 5, 15 min) before {spaced(machine['load_average_before'])}, after {spaced(about['load_average_after'])}; "
+            "what else ran then is in every second below",
+            f"- Commit {about['commit']['hash']}{self.dirty(', working tree changed')}; "
+            + "; ".join(f"{p['name']} built {p['built']} (SHA-256 {p['sha256']}…)" for p in about["programs"]),
+            f"- Command: `{about['command']}`",
+            f"- {about['date']}, {about['ended']}: {len(self.results)} of {about['planned']} runs",
+        ]
+        return "\n".join(lines)
+
+    def goals_table(self):
+        if self.about["steps_limit"]:
+            return f"Not judged: a trial of {self.about['steps_limit']} steps a fit."
+        verdicts = [v for preset in self.rated() for v in self.verdicts(preset)]
+        if not verdicts:
+            return "Not judged: no preset that has goals was run."
+        over = figures.judged(self.frames)
+        note = (
+            f"Means are geometric, over {self.count(over)} with a reference, as denoised (other denoisings of the same halves left out; "
+            "the frames of a shot count as one); the worst is over every frame and denoising. The goals are for two cores."
+        )
+        body = [[v.preset, v.what, v.goal, v.found, v.word] for v in verdicts]
+        return note + "\n\n" + table(["preset", "what", "goal", "found", ""], body)
+
+    def ratio_table(self):
+        headings = [heading for heading, _, _ in self.columns]
+        body = []
+        for frame in self.frames:
+            row = self.rows.get(frame.name)
+            if not row or row.denoised is None:
+                continue
+            figures_of = [number(row.ratio(row.noisy), 1), number(row.denoised, 5), number(self.mix_ratio(frame.name))]
+            body.append([frame.name, *figures_of, *(self.ratio_text(frame.name, h) for h in headings)])
+        if not body:
+            return "No frame with a reference."
+        judged = figures.judged(self.frames)
+        measured = [frame for frame in self.frames if frame.reference and frame.name in self.rows]
+        body.append(self.mean_row(f"**geometric mean, {self.count(judged)}**", judged))
+        if len(measured) > len(judged):
+            body.append(self.mean_row("geometric mean, every row (a shot as one)", measured))
+        body.append(["**worst frame**", "", "", "", *(self.worst_text(h) for h in headings)])
+        note = (
+            "noisy, mix and all right of it: ratios to the denoiser's relL2 on the full buffer, which is absolute. "
+            "mix: the best that any fixed mix of noisy and denoised could do. = : the output is the denoiser's (fallback)."
+        )
+        return note + "\n\n" + table(["frame", "noisy", "denoised (absolute)", "mix", *headings], body)
+
+    def mean_row(self, title, frames):
+        mix = number(figures.mean_over(frames, lambda f: self.mix_ratio(f.name)))
+        return [title, "", "", mix, *(self.mean_text(frames, heading) for heading, _, _ in self.columns)]
+
+    def mean_text(self, frames, heading):
+        """The mean, and how many of the frames it lacks."""
+        lacking = figures.lacking(frames, self.cells, heading)
+        mean = number(self.mean_ratio(heading, frames))
+        return f"{mean} ({lacking} of {len(frames)} lacking)" if lacking and mean != "-" else mean
+
+    def ratio_text(self, name, heading):
+        cell = self.cells.get((name, heading))
+        if cell is None or cell.ratio is None:
+            return "-"
+        return number(cell.ratio) + (" =" if cell.fallback else "")
+
+    def worst_text(self, heading):
+        worst = figures.worst(self.frames, self.cells, heading)
+        return f"{worst[0]:.3f} {worst[1]}" if worst else "-"
+
+    def seconds_table(self):
+        headings = [heading for heading, _, _ in self.columns]
+        body = []
+        for frame in self.frames:
+            row = self.rows.get(frame.name)
+            if row:
+                body.append([frame.name, f"{row.pixels / 1000:.0f} k", *(self.seconds_text(frame.name, h) for h in headings)])
+        note = "Whole process by the wall clock; median of the runs (least to most), processor seconds of all threads, most memory, steps."
+        return note + "\n\n" + table(["frame", "pixels", *headings], body)
+
+    def seconds_text(self, name, heading):
+        cell = self.cells.get((name, heading))
+        if cell is None:
+            return "-"
+        spread = f" ({cell.least_seconds:.2f} to {cell.most_seconds:.2f})" if cell.most_seconds > cell.least_seconds else ""
+        steps = f", {cell.steps} steps" if cell.steps is not None else ""
+        return f"{cell.seconds:.2f}{spread}, cpu {cell.cpu_seconds:.1f}, {cell.peak_rss_bytes / 2**20:.0f} MiB{steps}"
+
+    def split_table(self):
+        """Mean seconds of the stages, as the program itself tells them, over the runs of a column."""
+        body = []
+        for heading, _, _ in self.columns:
+            splits = [r["seconds"] for r in figures.succeeded(self.results) if r["column"] == heading and r.get("seconds")]
+            if splits:
+                stages = [sum(s.get(key, 0.0) for s in splits) / len(splits) for key in ("read", "train", "correct", "write", "total")]
+                body.append([heading, *(f"{value:.2f}" for value in stages)])
+        return table(["mean over the runs", "read", "train", "correct", "write", "total"], body) if body else "No run told."
+
+    def equal_times(self):
+        """Figures for every frame and column whose render time is known."""
+        out = []
+        for frame in self.frames:
+            row, seconds = self.rows.get(frame.name), self.render_seconds(frame.name)
+            if row is None or seconds is None or not row.noisy or not row.denoised:
+                continue
+            ladder = [
+                (f.spp, self.rows[f.name].denoised)
+                for f in self.frames
+                if f.scene == frame.scene and f.variant == frame.variant and f.name in self.rows
+            ]
+            for heading, _, _ in self.columns:
+                ratio, cell = self.ratio(frame.name, heading), self.cells.get((frame.name, heading))
+                if ratio is not None:
+                    bought = figures.equal_time(row, frame.spp, seconds, cell.seconds, ladder)
+                    corrected = {"frame": frame.name, "column": heading, "render_seconds": seconds, "corrected": ratio * row.denoised}
+                    out.append(corrected | asdict(bought))
+        return out
+
+    def equal_time_text(self):
+        figures_of = self.equal_times()
+        if not figures_of:
+            return "Not computed: it needs the frames' render times (`--render-seconds FRAME=SECONDS`), and none was given."
+        note = (
+            "What the column's seconds would have bought as samples: the noisy picture's relL2 falls with 1 / samples; the denoiser's is read "
+            "off a straight line in log-log through the sample counts of the scene (- with only one). All relL2 absolute."
+        )
+        headings = ["frame", "column", "render s", "samples ×", "noisy then", "denoised then", "corrected"]
+        body = [
+            [e["frame"], e["column"], f"{e['render_seconds']:g}", number(e["factor"], 2), number(e["noisy"], 5), number(e["denoised"], 5), number(e["corrected"], 5)]
+            for e in figures_of
+        ]
+        return note + "\n\n" + table(headings, body)
+
+
+def number(value, digits=3):
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def spaced(values):
+    return " ".join(f"{value:.1f}" for value in values)
+
+
+def table(headings, body):
+    """A Markdown table; bars within cells are escaped."""
+    lines = [headings, ["---"] * len(headings), *body]
+    return "\n".join("| " + " | ".join(str(c).replace("|", "\\|") for c in line) + " |" for line in lines)
+
+
+def free_stem(folder, stem):
+    """The stem, or stem-2, stem-3 ... where a record of that name exists: records are never overwritten."""
+    stems, count = {path.stem for path in Path(folder).iterdir()}, 1
+    candidate = stem
+    while candidate in stems:
+        count += 1
+        candidate = f"{stem}-{count}"
+    return candidate
