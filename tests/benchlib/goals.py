@@ -41,7 +41,8 @@ class Verdict:
 
     @property
     def word(self):
-        return {True: "met", False: "**not met**", None: "not measured"}[self.met]
+        undecided = "not measured" if self.found == "-" else "not decided"
+        return {True: "met", False: "**not met**", None: undecided}[self.met]
 
 
 def verdicts(preset, frames, rows, cells):
