@@ -1,20 +1,24 @@
-//! Writes both graphs of a network of made-up weights: `write_graphs FOLDER [paper|gated]`. Other
-//! engines' tests run them.
+//! Writes both graphs of an untrained model: `write_graphs FOLDER [paper|gated]`. The gated one
+//! starts as a smoothed residual on top of the denoiser's picture and is of use as it is; the
+//! paper's has random weights.
 
+use sspc_core::network::start;
 use sspc_core::parameters::Form;
+use sspc_core::rng::Rng;
 use sspc_onnx::{Contract, Model, write_image, write_network};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let folder = std::path::PathBuf::from(arguments.next().ok_or("which folder?")?);
-    let form = match arguments.next().as_deref() {
-        Some("paper") => Form::Paper,
-        _ => Form::Gated,
+    let paper = arguments.next().as_deref() == Some("paper");
+    let form = if paper { Form::Paper } else { Form::Gated };
+    let contract = Contract::new(form);
+    let mut rng = Rng::new(1);
+    let network = match form {
+        Form::Paper => start::paper(contract.shape, &mut rng),
+        Form::Gated => start::analytic(contract.shape, 0.7, &mut rng),
     };
-    let count = Contract::new(form).shape.parameter_count();
-    // A fixed sequence in -0.25..0.25: deep enough signals without a random generator.
-    let weights = (0..count).map(|i| ((i * 7919 + 13) % 1009) as f32 / 2018.0 - 0.25).collect();
-    let model = Model::new(Contract::new(form), weights)?;
+    let model = Model::new(contract, network.weights)?;
     std::fs::write(folder.join("network.onnx"), write_network(&model))?;
     std::fs::write(folder.join("image.onnx"), write_image(&model))?;
     Ok(())
