@@ -8,7 +8,7 @@ use super::planes::{Geometry, Planes};
 use super::{KERNEL, MAX_CHANNELS};
 use crate::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
 
-const TAPS: usize = KERNEL * KERNEL;
+pub(super) const TAPS: usize = KERNEL * KERNEL;
 
 /// Weights of one layer in the order the kernel reads them: `[output block][input][tap][block]`.
 pub(super) struct Packed {
@@ -43,6 +43,20 @@ impl Packed {
         let mut packed = Self::new(isa, inputs, |o, i, tap| kernel[(o * inputs + i) * TAPS + tap], bias.len());
         packed.bias[..bias.len()].copy_from_slice(bias);
         packed
+    }
+
+    /// `[output block][input][tap][block]`
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    pub fn bias(&self) -> &[f32; MAX_CHANNELS] {
+        &self.bias
+    }
+
+    /// Input channels.
+    pub fn inputs(&self) -> usize {
+        self.inputs
     }
 
     /// The same kernel turned by 180 degrees and transposed: maps output gradients to input gradients.

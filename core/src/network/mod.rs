@@ -8,6 +8,7 @@
 mod conv;
 pub mod oracle;
 mod planes;
+mod rows;
 pub mod start;
 mod trunk;
 mod window;

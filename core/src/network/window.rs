@@ -1,9 +1,8 @@
 //! The network for inference: over one window at a time, or over a picture in windows; weights packed
 //! once, nothing saved.
 
-use super::conv::{Finish, Packed, convolve};
-use super::planes::{Geometry, Planes};
-use super::{MAX_CHANNELS, Network, Shape, layer};
+use super::conv::Packed;
+use super::{Network, Shape, layer, rows};
 use crate::features::FEATURE_CHANNELS;
 use crate::gc::Region;
 use crate::image::Image;
@@ -13,7 +12,7 @@ use crate::simd::Isa;
 use rayon::prelude::*;
 
 /// Side of the windows that a picture is computed in, without their halo.
-const PICTURE_WINDOW: usize = 96;
+const PICTURE_WINDOW: usize = 128;
 
 /// A network ready to run over windows of any size, from any number of threads.
 pub struct WindowNetwork {
@@ -61,23 +60,22 @@ impl WindowNetwork {
     /// # Panics
     /// When a slice has another length.
     pub fn run(&self, features: &[f32], height: usize, width: usize, out: &mut [f32]) {
-        let pixels = height * width;
-        assert_eq!(features.len(), FEATURE_CHANNELS * pixels, "features of the window");
-        assert_eq!(out.len(), self.shape.outputs * pixels, "parameters of the window");
-        if pixels == 0 {
+        self.run_inner(features, height, width, Region { top: 0, left: 0, height, width }, out);
+    }
+
+    /// The same for the pixels `inner` of the window, `[P, inner.height, inner.width]`. Where the
+    /// window's edge is not the picture's, the inner pixels must lie [`Shape::radius`] away from it.
+    ///
+    /// # Panics
+    /// When a slice has another length, or the inner pixels leave the window.
+    pub fn run_inner(&self, features: &[f32], height: usize, width: usize, inner: Region, out: &mut [f32]) {
+        assert_eq!(features.len(), FEATURE_CHANNELS * height * width, "features of the window");
+        assert_eq!(out.len(), self.shape.outputs * inner.pixels(), "parameters of the inner pixels");
+        assert!(inner.top + inner.height <= height && inner.left + inner.width <= width, "inner pixels leave the window");
+        if inner.pixels() == 0 {
             return;
         }
-        let geometry = Geometry::new(height, width);
-        let mut current = Planes::zeros(geometry, MAX_CHANNELS);
-        current.fill(features);
-        let mut next = Planes::zeros(geometry, MAX_CHANNELS);
-        for (l, packed) in self.layers.iter().enumerate() {
-            let last = l + 1 == self.layers.len();
-            let finish = if last { Finish::Linear } else { Finish::Relu };
-            convolve(self.isa, &current, packed, finish, &mut next);
-            std::mem::swap(&mut current, &mut next);
-        }
-        current.copy_to(out);
+        rows::run(self.isa, &self.layers, features, height, width, inner, out);
         activate(self.isa, self.form, out);
     }
 
@@ -116,8 +114,9 @@ impl WindowNetwork {
         let bottom = (window.top + window.height + halo).min(features.height());
         let right = (window.left + window.width + halo).min(features.width());
         let input = features.crop(top, left, bottom - top, right - left);
-        let mut out = Image::zeros(self.shape.outputs, input.height(), input.width());
-        self.run(input.data(), input.height(), input.width(), out.data_mut());
-        out.crop(window.top - top, window.left - left, window.height, window.width)
+        let inner = Region { top: window.top - top, left: window.left - left, ..*window };
+        let mut out = Image::zeros(self.shape.outputs, window.height, window.width);
+        self.run_inner(input.data(), input.height(), input.width(), inner, out.data_mut());
+        out
     }
 }

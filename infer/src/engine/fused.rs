@@ -4,12 +4,14 @@
 //! file is still read, typed and checked by tract; between its input and its output the operators
 //! are replaced by one.
 
+use sspc_core::gc::Region;
 use sspc_core::network::WindowNetwork;
 use std::sync::Arc;
 use tract_onnx::prelude::*;
 use tract_onnx::tract_core::internal::*;
 
-/// features `[1, 13, H, W]` -> activated parameters `[1, P, H, W]`.
+/// features `[1, 13, H, W]` and the wanted pixels `[top, left, height, width]` -> activated
+/// parameters `[1, P, H, W]`, zero where they are not wanted.
 #[derive(Clone, Debug)]
 struct FusedNetwork(Arc<WindowNetwork>);
 
@@ -38,9 +40,21 @@ impl EvalOp for FusedNetwork {
             bail!("features of rank {}, expected 4", features.ndim())
         };
         let features = features.as_slice().context("features are contiguous")?;
+        let wanted = inputs[1].to_plain_array_view::<i64>()?;
+        let &[top, left, inner_height, inner_width] = wanted.as_slice().context("wanted pixels")? else {
+            bail!("wanted pixels of length {}, expected 4", wanted.len())
+        };
+        let [top, left] = [top as usize, left as usize];
+        let inner = Region { top, left, height: inner_height as usize, width: inner_width as usize };
         let outputs = self.0.shape().outputs;
+        let mut wanted = vec![0.0; outputs * inner.pixels()];
+        self.0.run_inner(features, height, width, inner, &mut wanted);
         let mut parameters = vec![0.0; outputs * height * width];
-        self.0.run(features, height, width, &mut parameters);
+        for (row, values) in wanted.chunks_exact(inner.width).enumerate() {
+            let (c, y) = (row / inner.height, row % inner.height);
+            let start = (c * height + inner.top + y) * width + inner.left;
+            parameters[start..start + inner.width].copy_from_slice(values);
+        }
         let array = tract_ndarray::Array4::from_shape_vec((1, outputs, height, width), parameters)?;
         Ok(tvec!(array.into_tensor().into_tvalue()))
     }
@@ -56,12 +70,15 @@ impl TypedOp for FusedNetwork {
     }
 }
 
-/// Replaces everything between the model's one input and one output.
+/// Replaces everything between the model's one input and one output; the wanted pixels become its
+/// second input.
 pub(super) fn fuse(model: &mut TypedModel, network: Arc<WindowNetwork>) -> TractResult<()> {
     let (input, output) = (model.input_outlets()?[0], model.output_outlets()?[0]);
+    let wanted = model.add_source("wanted", i64::fact([4]))?;
     let mut patch = TypedModelPatch::default();
     let features = patch.tap_model(model, input)?;
-    let fused = patch.wire_node("network", FusedNetwork(network), &[features])?[0];
+    let wanted = patch.tap_model(model, wanted)?;
+    let fused = patch.wire_node("network", FusedNetwork(network), &[features, wanted])?[0];
     patch.shunt_outside(model, output, fused)?;
     patch.apply(model)
 }

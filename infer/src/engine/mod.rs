@@ -76,7 +76,7 @@ impl Engine {
                     grid.window_height(),
                     grid.window_width(),
                 );
-                Ok((tile, tile.of_window(&plan.run(window)?)))
+                Ok((tile, tile.of_window(&plan.run(window, tile.in_window())?)))
             })
             .collect::<Result<_, PlanError>>()?;
         let mut parameters = Image::zeros(outputs, height, width);

@@ -2,12 +2,14 @@
 
 use super::fused::fuse;
 use sspc_core::features::FEATURE_CHANNELS;
+use sspc_core::gc::Region;
 use sspc_core::image::Image;
 use sspc_core::network::WindowNetwork;
 use sspc_core::simd::Isa;
 use sspc_onnx::{Model, write_network};
 use std::sync::Arc;
 use tract_onnx::prelude::*;
+use tract_onnx::tract_core::internal::*;
 
 /// Whose arithmetic runs the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +32,7 @@ pub enum PlanError {
 /// The runnable network.
 pub(super) struct Plan {
     plan: Arc<TypedRunnableModel>,
+    kernels: Kernels,
 }
 
 impl Plan {
@@ -49,18 +52,24 @@ impl Plan {
             graph.into_optimized()?.into_runnable()
         };
         let plan = prepare().map_err(|e| PlanError::Prepare { height, width, reason: format!("{e:#}") })?;
-        Ok(Self { plan })
+        Ok(Self { plan, kernels })
     }
 
-    /// Activated parameters of one window, plane after plane.
-    pub fn run(&self, window: Image) -> Result<Vec<f32>, PlanError> {
+    /// Activated parameters of one window, plane after plane; those outside `wanted` are of no use.
+    pub fn run(&self, window: Image, wanted: Region) -> Result<Vec<f32>, PlanError> {
         let (height, width) = (window.height(), window.width());
         let run = || -> TractResult<Vec<f32>> {
             let shape = (1, FEATURE_CHANNELS, height, width);
             let features = tract_ndarray::Array4::from_shape_vec(shape, window.into_data())?;
-            let outputs = self.plan.run(tvec!(features.into_tensor().into()))?;
+            let mut inputs: TVec<TValue> = tvec!(features.into_tensor().into());
+            if let Kernels::Fused(_) = self.kernels {
+                let Region { top, left, height, width } = wanted;
+                inputs.push(tensor1(&[top, left, height, width].map(|n| n as i64)).into());
+            }
+            let outputs = self.plan.run(inputs)?;
             let parameters = outputs[0].to_plain_array_view::<f32>()?;
-            Ok(parameters.iter().copied().collect())
+            let contiguous = parameters.as_slice().context("parameters are contiguous")?;
+            Ok(contiguous.to_vec())
         };
         run().map_err(|e| PlanError::Run { reason: format!("{e:#}") })
     }

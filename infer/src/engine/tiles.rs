@@ -79,6 +79,11 @@ impl Tile {
         Region { top: self.top, left: self.left, height: self.height, width: self.width }
     }
 
+    /// The tile's pixels in its window.
+    pub fn in_window(&self) -> Region {
+        Region { top: self.top - self.window_top, left: self.left - self.window_left, ..self.region() }
+    }
+
     /// The tile's planes out of its window's planes.
     pub fn of_window(&self, window: &[f32]) -> Vec<f32> {
         let rows = self.top - self.window_top..self.top - self.window_top + self.height;

@@ -1,0 +1,269 @@
+//! `sspc-infer run` and `info` as a person or a farm runs them.
+
+mod common;
+
+use sspc_core::image::Image;
+use sspc_core::io::read_picture;
+use sspc_core::network::start;
+use sspc_core::parameters::Form;
+use sspc_core::rng::Rng;
+use sspc_onnx::{Contract, Model, write_image, write_network};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn sample(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/sample").join(name)
+}
+
+/// The analytic start: of use without any training.
+fn start_model() -> Model {
+    let mut contract = Contract::new(Form::Gated);
+    contract.frames = vec!["kitchen.1001.exr".into()];
+    contract.preset = "none".into();
+    let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
+    Model::new(contract, weights).expect("a model")
+}
+
+/// A folder with `model.onnx` and three frames of a shot, all of them the sample.
+fn shot() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("folder");
+    std::fs::write(folder.path().join("model.onnx"), write_network(&start_model())).expect("model");
+    for frame in 1..=3 {
+        for half in ["a", "b"] {
+            let to = folder.path().join(format!("{half}.{frame:04}.exr"));
+            std::fs::copy(sample(&format!("{half}.exr")), to).expect("frame");
+        }
+    }
+    std::fs::create_dir(folder.path().join("out")).expect("out");
+    folder
+}
+
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sspc-infer"));
+    command.current_dir(folder).arg("run").args(["--model", "model.onnx"]).args(arguments);
+    command
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    command(folder, arguments).output().expect("sspc-infer runs")
+}
+
+fn shot_arguments<'a>(frames: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut all = vec!["--a", "a.####.exr", "--b", "b.####.exr", "--frames", frames, "-o", "out/c.####.exr"];
+    all.extend(more);
+    all
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn files_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("folder");
+    let mut names: Vec<String> =
+        entries.map(|e| e.expect("entry").file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn picture(path: &Path) -> Image {
+    read_picture(path, None).expect("a picture")
+}
+
+#[test]
+fn one_frame_is_corrected_and_described() {
+    let folder = shot();
+    let arguments = ["a.0001.exr", "b.0001.exr", "-o", "out/c.exr", "--json", "--verbose"];
+    let output = run(folder.path(), &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let out = folder.path().join("out");
+    assert_eq!(files_in(&out), ["c.exr", "c.json"]);
+    let corrected = picture(&out.join("c.exr"));
+    let noisy = picture(&sample("a.exr"));
+    assert!(corrected.same_size(&noisy) && corrected != noisy);
+    let json = std::fs::read(out.join("c.json")).expect("sidecar");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    assert_eq!(json["width"], 256);
+    assert_eq!(json["model"]["frames"][0], "kitchen.1001.exr");
+    for time in ["read", "features", "network", "finish", "write", "total"] {
+        assert!(json["seconds"][time].as_f64().expect(time) > 0.0, "{time}");
+    }
+    assert!(json["loss"]["corrected"].as_f64() < json["loss"]["denoised"].as_f64());
+}
+
+#[test]
+fn kernels_threads_and_tiles_do_not_show() {
+    let folder = shot();
+    let variants: [&[&str]; 4] =
+        [&[], &["--tile", "37"], &["--threads", "1"], &["--kernels", "tract", "--tile", "64"]];
+    let pictures: Vec<Image> = variants
+        .iter()
+        .map(|more| {
+            let arguments = [&["a.0001.exr", "b.0001.exr", "-o", "out/c.exr"], *more].concat();
+            let output = run(folder.path(), &arguments);
+            assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+            picture(&folder.path().join("out/c.exr"))
+        })
+        .collect();
+    assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
+    // Stored as half floats: one unit in the last place is 1e-3 of the value.
+    common::assert_close(&pictures[3], &pictures[0], 1.5e-3, "tract's own operators");
+}
+
+#[test]
+fn a_bad_frame_does_not_stop_the_others() {
+    let folder = shot();
+    std::fs::write(folder.path().join("a.0002.exr"), b"v/1\x01 cut off").expect("bad frame");
+    let output = run(folder.path(), &shot_arguments("1-4", &[]));
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    let said = stderr(&output);
+    assert!(said.contains("frame 2: a.0002.exr") && said.contains("frame 4: a.0004.exr"), "{said}");
+    assert!(said.contains("2 of 4 frames failed"), "{said}");
+    assert_eq!(files_in(&folder.path().join("out")), ["c.0001.exr", "c.0003.exr"]);
+}
+
+#[test]
+fn existing_outputs_are_skipped_when_asked() {
+    let folder = shot();
+    let kept = folder.path().join("out/c.0002.exr");
+    std::fs::write(&kept, b"mine").expect("output");
+    let output = run(folder.path(), &shot_arguments("1-2", &["--skip-existing"]));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_eq!(std::fs::read(&kept).expect("kept"), b"mine");
+    assert!(stderr(&output).contains("left alone"));
+}
+
+#[test]
+fn a_dry_run_writes_nothing() {
+    let folder = shot();
+    let output = run(folder.path(), &shot_arguments("1-3", &["--dry-run", "--json"]));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("albedo of half b from b.0003.exr"), "{said}");
+    assert!(said.contains("would write out/c.0002.exr"), "{said}");
+    assert!(files_in(&folder.path().join("out")).is_empty());
+}
+
+#[test]
+fn quiet_says_nothing() {
+    let folder = shot();
+    let output = run(folder.path(), &["a.0001.exr", "b.0001.exr", "-o", "out/c.exr", "--quiet"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stderr.is_empty() && output.stdout.is_empty());
+}
+
+#[test]
+fn senseless_arguments_give_code_2() {
+    let folder = shot();
+    for arguments in [
+        vec!["-o", "c.exr"],
+        vec!["a.0001.exr", "--frames", "1", "-o", "c.exr"],
+        vec!["--a", "a.####.exr", "--b", "b.####.exr", "--frames", "3-1", "-o", "c.####.exr"],
+        vec!["--a", "a.####.exr", "--b", "b.####.exr", "--frames", "1-2", "-o", "c.exr"],
+        vec!["a.0001.exr", "b.0001.exr", "-o", "c.exr", "--tile", "0"],
+        vec!["a.0001.exr", "b.0001.exr", "-o", "c.exr", "--role", "albedo"],
+    ] {
+        let output = run(folder.path(), &arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn bad_models_give_code_3_and_say_why() {
+    let folder = shot();
+    let good = write_network(&start_model());
+    let later = {
+        let at = good.windows(15).position(|w| w == b"sspc.contract\x12\x01").expect("entry");
+        let mut bytes = good.clone();
+        bytes[at + 15] = b'7';
+        bytes
+    };
+    let cases: [(&[u8], &str); 4] = [
+        (b"no model", "not an ONNX file"),
+        (&good[..good.len() - 100], "model.onnx: "),
+        (&later, "contract version 7"),
+        (b"", "no graph"),
+    ];
+    for (bytes, words) in cases {
+        std::fs::write(folder.path().join("model.onnx"), bytes).expect("model");
+        let output = run(folder.path(), &["a.0001.exr", "b.0001.exr", "-o", "out/c.exr"]);
+        assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+        assert!(stderr(&output).contains(words), "{words}: {}", stderr(&output));
+        assert!(files_in(&folder.path().join("out")).is_empty());
+    }
+}
+
+#[test]
+fn outputs_that_cannot_be_written_give_code_4() {
+    let folder = shot();
+    for output_path in ["nowhere/c.exr", "out", "a.0001.exr", "model.onnx"] {
+        let output = run(folder.path(), &["a.0001.exr", "b.0001.exr", "-o", output_path]);
+        assert_eq!(output.status.code(), Some(4), "{output_path}: {}", stderr(&output));
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_fills_up_keeps_what_is_finished() {
+    let folder = shot();
+    // The sample's picture takes more than 64 kB: the limit stands for a full disk.
+    let line = format!(
+        "ulimit -f 64; trap '' XFSZ; exec {} run --model model.onnx {}",
+        env!("CARGO_BIN_EXE_sspc-infer"),
+        shot_arguments("1-3", &[]).iter().map(|a| format!("'{a}'")).collect::<Vec<_>>().join(" ")
+    );
+    let output =
+        Command::new("bash").current_dir(folder.path()).args(["-c", &line]).output().expect("bash");
+    assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
+    assert!(stderr(&output).contains("not tried"), "{}", stderr(&output));
+    assert!(files_in(&folder.path().join("out")).is_empty(), "nothing half-written");
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_finished_frames_and_leaves_nothing_partial() {
+    let folder = shot();
+    let frames: Vec<String> = (4..=60).map(|n| format!("{n:04}")).collect();
+    for number in &frames {
+        for half in ["a", "b"] {
+            let to = folder.path().join(format!("{half}.{number}.exr"));
+            std::os::unix::fs::symlink(sample(&format!("{half}.exr")), to).expect("frame");
+        }
+    }
+    let child = command(folder.path(), &shot_arguments("1-60", &[]))
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("sspc-infer runs");
+    let out = folder.path().join("out");
+    while !out.join("c.0002.exr").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    let names = files_in(&out);
+    assert!((2..60).contains(&names.len()), "{names:?}");
+    for name in names {
+        assert!(name.starts_with("c.") && name.ends_with(".exr"), "{name}");
+        picture(&out.join(name));
+    }
+}
+
+#[test]
+fn info_says_what_a_model_is() {
+    let folder = shot();
+    std::fs::write(folder.path().join("image.onnx"), write_image(&start_model())).expect("model");
+    for (file, graph) in [("model.onnx", "network: features"), ("image.onnx", "image: the half buffers")] {
+        let output = Command::new(env!("CARGO_BIN_EXE_sspc-infer"))
+            .current_dir(folder.path())
+            .args(["info", file])
+            .output()
+            .expect("sspc-infer runs");
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert_eq!(output.status.code(), Some(0));
+        for words in [graph, "20448 weights", "19x19 pixels", "kitchen.1001.exr", "normalised", "version 1"] {
+            assert!(said.contains(words), "'{words}' in\n{said}");
+        }
+    }
+}
