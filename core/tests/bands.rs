@@ -15,7 +15,9 @@ use sspc_core::simd::Isa;
 fn frame(height: usize, width: usize) -> Frame {
     let mut rng = Rng::new(5);
     let mut noise = |c, level: f32| {
-        Image::from_fn(c, height, width, |c, y, x| 0.3 + (c + y) as f32 / 90.0 + x as f32 / 70.0 + level * rng.uniform() as f32)
+        Image::from_fn(c, height, width, |c, y, x| {
+            0.3 + (c + y) as f32 / 90.0 + x as f32 / 70.0 + level * rng.uniform() as f32
+        })
     };
     let mut half = || HalfBuffer {
         radiance: noise(3, 1.0),
@@ -73,7 +75,11 @@ fn bands_give_the_same_picture_and_the_same_figures() {
                 for y in 0..part.height() {
                     for x in 0..width {
                         let (found, whole) = (part.at(c, y, x), expected.correction.at(c, top + y, x));
-                        assert!((found - whole).abs() <= 1e-5, "channel {c} at ({}, {x}): {found}, not {whole}", top + y);
+                        assert!(
+                            (found - whole).abs() <= 1e-5,
+                            "channel {c} at ({}, {x}): {found}, not {whole}",
+                            top + y
+                        );
                     }
                 }
             }

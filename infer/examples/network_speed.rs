@@ -2,11 +2,11 @@
 //! the repeats for every way to run it, and GFLOP/s of the picture's own pixels (halo not counted).
 //! `RAYON_NUM_THREADS` sets the threads.
 
+use sspc_core::corrector;
 use sspc_core::features::FEATURE_CHANNELS;
 use sspc_core::image::Image;
-use sspc_core::corrector;
-use sspc_core::plan::Plan;
 use sspc_core::parameters::Form;
+use sspc_core::plan::Plan;
 use sspc_core::simd::Isa;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_onnx::{Contract, Model};
@@ -22,17 +22,15 @@ fn cpu_seconds() -> f64 {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<usize> =
-        std::env::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
+    let arguments: Vec<usize> = std::env::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
     let (height, width) = (arguments[0], arguments[1]);
     let repeats = arguments.get(2).copied().unwrap_or(3);
     let contract = Contract::new(Form::Gated);
     let count = contract.shape.parameter_count();
     let weights = (0..count).map(|i| ((i * 7919 + 13) % 1009) as f32 / 4036.0 - 0.125).collect();
     let model = Model::new(contract, weights)?;
-    let features = Image::from_fn(FEATURE_CHANNELS, height, width, |c, y, x| {
-        ((c * 31 + y * 17 + x * 7) % 101) as f32 / 101.0
-    });
+    let features =
+        Image::from_fn(FEATURE_CHANNELS, height, width, |c, y, x| ((c * 31 + y * 17 + x * 7) % 101) as f32 / 101.0);
     let everything = Plan::everything(height, width);
     let flop = 2.0 * count as f64 * (height * width) as f64;
     let report = |name: &str, work: &mut dyn FnMut()| {

@@ -6,7 +6,9 @@ use sspc_core::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_core::finish::Composition;
 use sspc_core::parameters::Form;
 use sspc_core::prepare::Exposure;
-use sspc_onnx::{ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind, parameter_names};
+use sspc_onnx::{
+    ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind, parameter_names,
+};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -37,13 +39,16 @@ fn describe(model: &Model, kind: GraphKind) -> String {
         ("contract", format!("version {CONTRACT_VERSION}")),
         ("form", form_words(c.form).into()),
         ("picture", picture_words(c.composition).into()),
-        ("network", format!(
-            "{} convolutions 3x3, {} hidden channels, {} weights ({} kB)",
-            c.shape.layers,
-            c.shape.hidden,
-            model.weights.len(),
-            model.weights.len() * 4 / 1000
-        )),
+        (
+            "network",
+            format!(
+                "{} convolutions 3x3, {} hidden channels, {} weights ({} kB)",
+                c.shape.layers,
+                c.shape.hidden,
+                model.weights.len(),
+                model.weights.len() * 4 / 1000
+            ),
+        ),
         ("inputs", CHANNEL_NAMES.join(", ")),
         ("parameters", parameter_names(c.form).join(", ")),
         ("activations", ACTIVATIONS.into()),
@@ -86,7 +91,9 @@ fn form_words(form: Form) -> &'static str {
 fn picture_words(composition: Composition) -> &'static str {
     match composition {
         Composition::MeanOfHalves => "mean of both corrected halves",
-        Composition::JudgedFullBuffer => "the full buffer's correction, kept where the halves' judgement of each other allows",
+        Composition::JudgedFullBuffer => {
+            "the full buffer's correction, kept where the halves' judgement of each other allows"
+        }
     }
 }
 

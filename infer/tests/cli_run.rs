@@ -94,8 +94,7 @@ fn one_frame_is_corrected_and_described() {
 #[test]
 fn kernels_threads_and_tiles_do_not_show() {
     let folder = shot();
-    let variants: [&[&str]; 4] =
-        [&[], &["--tile", "37"], &["--threads", "1"], &["--kernels", "tract", "--tile", "64"]];
+    let variants: [&[&str]; 4] = [&[], &["--tile", "37"], &["--threads", "1"], &["--kernels", "tract", "--tile", "64"]];
     let pictures: Vec<Image> = variants
         .iter()
         .map(|more| {
@@ -212,8 +211,7 @@ fn a_folder_that_fills_up_keeps_what_is_finished() {
         env!("CARGO_BIN_EXE_sspc-infer"),
         shot_arguments("1-3", &[]).iter().map(|a| format!("'{a}'")).collect::<Vec<_>>().join(" ")
     );
-    let output =
-        Command::new("bash").current_dir(folder.path()).args(["-c", &line]).output().expect("bash");
+    let output = Command::new("bash").current_dir(folder.path()).args(["-c", &line]).output().expect("bash");
     assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
     assert!(stderr(&output).contains("not tried"), "{}", stderr(&output));
     assert!(files_in(&folder.path().join("out")).is_empty(), "nothing half-written");
@@ -230,10 +228,8 @@ fn ctrl_c_keeps_finished_frames_and_leaves_nothing_partial() {
             std::os::unix::fs::symlink(sample(&format!("{half}.exr")), to).expect("frame");
         }
     }
-    let child = command(folder.path(), &shot_arguments("1-60", &[]))
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("sspc-infer runs");
+    let child =
+        command(folder.path(), &shot_arguments("1-60", &[])).stderr(Stdio::piped()).spawn().expect("sspc-infer runs");
     let out = folder.path().join("out");
     while !out.join("c.0002.exr").exists() {
         std::thread::sleep(std::time::Duration::from_millis(10));

@@ -61,7 +61,7 @@ fn prepared(halves: [Image; 2]) -> Prepared {
 #[test]
 fn onnxruntime_gives_what_our_engine_gives() {
     let Some(python) = python() else { return };
-    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/onnxruntime.py");
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/run_graphs.py");
     for (form, height, width) in [(Form::Gated, 31, 22), (Form::Paper, 4, 7), (Form::Gated, 1, 40)] {
         let model = model(form, 16, 9);
         let folder = tempfile::tempdir().expect("folder");
@@ -70,9 +70,14 @@ fn onnxruntime_gives_what_our_engine_gives() {
         std::fs::write(at("image.onnx"), write_image(&model)).expect("model");
         let halves = [features(height, width), features(height, width + 1).crop(0, 1, height, width)];
         let mut shapes = serde_json::Map::new();
-        for (name, first, channels) in
-            [("features", 0, 13), ("radiance", 0, 3), ("albedo", 3, 3), ("visibility", 6, 1), ("normal", 7, 3), ("denoised", 10, 3)]
-        {
+        for (name, first, channels) in [
+            ("features", 0, 13),
+            ("radiance", 0, 3),
+            ("albedo", 3, 3),
+            ("visibility", 6, 1),
+            ("normal", 7, 3),
+            ("denoised", 10, 3),
+        ] {
             let planes = halves.iter().flat_map(|half| (first..first + channels).flat_map(|c| half.plane(c)));
             write_floats(at(&format!("{name}.f32")), &planes.copied().collect::<Vec<f32>>());
             shapes.insert(name.into(), serde_json::json!([2, channels, height, width]));

@@ -28,7 +28,9 @@ fn any_tile_size_gives_the_same_bits() {
         for _ in 0..12 {
             let (height, width, tile) = (upto(70), upto(70), upto(40));
             let features = features(height, width);
-            let run = |tile| Engine::new(model.clone(), Kernels::Fused(isa), tile).parameters(&features, &everything(&features));
+            let run = |tile| {
+                Engine::new(model.clone(), Kernels::Fused(isa), tile).parameters(&features, &everything(&features))
+            };
             let (whole, tiled) = (run(height.max(width)).unwrap(), run(tile).unwrap());
             assert!(whole == tiled, "{height}x{width} in tiles of {tile} on {}", isa.name());
         }
@@ -40,7 +42,8 @@ fn tracts_own_operators_give_the_same_tiled_and_whole() {
     let model = model(Form::Paper, 16, 9);
     for (height, width, tile) in [(45, 33, 17), (20, 64, 32), (7, 5, 3), (1, 40, 8)] {
         let features = features(height, width);
-        let tract = Engine::new(model.clone(), Kernels::Tract, tile).parameters(&features, &everything(&features)).unwrap();
+        let tract =
+            Engine::new(model.clone(), Kernels::Tract, tile).parameters(&features, &everything(&features)).unwrap();
         let whole =
             Engine::new(model.clone(), Kernels::Tract, 64).parameters(&features, &everything(&features)).unwrap();
         let ours = Engine::new(model.clone(), Kernels::Fused(Isa::best()), tile)
@@ -59,8 +62,7 @@ fn the_engine_agrees_with_the_f64_network() {
         let features = features(height, width);
         let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
         let (weights, input) = (wide(&model.weights), wide(features.data()));
-        let layers =
-            network::oracle::forward(&model.contract.shape, &weights, &input, height, width);
+        let layers = network::oracle::forward(&model.contract.shape, &weights, &input, height, width);
         let raw = layers.last().unwrap();
         let pixels = height * width;
         let activated = raw.iter().enumerate().map(|(i, o)| activation_f64(i / pixels, *o).0 as f32);

@@ -31,25 +31,13 @@ impl GraphBuilder {
         self.op_with(op, inputs, output, Vec::new())
     }
 
-    pub fn op_with(
-        &mut self,
-        op: &str,
-        inputs: &[&str],
-        output: &str,
-        attributes: Vec<AttributeProto>,
-    ) -> String {
+    pub fn op_with(&mut self, op: &str, inputs: &[&str], output: &str, attributes: Vec<AttributeProto>) -> String {
         self.node(op, inputs, &[output], attributes);
         output.to_string()
     }
 
     /// A node of any number of outputs.
-    pub fn node(
-        &mut self,
-        op: &str,
-        inputs: &[&str],
-        outputs: &[&str],
-        attribute: Vec<AttributeProto>,
-    ) {
+    pub fn node(&mut self, op: &str, inputs: &[&str], outputs: &[&str], attribute: Vec<AttributeProto>) {
         self.graph.node.push(NodeProto {
             input: inputs.iter().map(|s| s.to_string()).collect(),
             output: outputs.iter().map(|s| s.to_string()).collect(),
@@ -108,10 +96,7 @@ fn value_info(name: &str, kind: i32, dims: &[Dim]) -> ValueInfoProto {
         .map(|value| Dimension { value })
         .collect();
     let tensor = TensorType { elem_type: Some(kind), shape: Some(TensorShapeProto { dim }) };
-    ValueInfoProto {
-        name: Some(name.to_string()),
-        r#type: Some(TypeProto { tensor_type: Some(tensor) }),
-    }
+    ValueInfoProto { name: Some(name.to_string()), r#type: Some(TypeProto { tensor_type: Some(tensor) }) }
 }
 
 /// An integer attribute.

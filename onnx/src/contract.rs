@@ -1,7 +1,7 @@
 //! What every model file promises, and what it says of its origin.
 
-use sspc_core::finish::Composition;
 use sspc_core::features::{FeatureSet, MAX_RADIUS};
+use sspc_core::finish::Composition;
 use sspc_core::gc::PAPER_RADIUS;
 use sspc_core::network::{MAX_CHANNELS, Shape};
 use sspc_core::parameters::Form;
@@ -14,8 +14,22 @@ pub const CONTRACT_VERSION: u32 = 1;
 
 /// The parameters of the gated form, in order; the paper's form has the first 15.
 const PARAMETER_NAMES: [&str; 16] = [
-    "beta_z.R", "beta_z.G", "beta_z.B", "beta_rho.R", "beta_rho.G", "beta_rho.B", "beta_n.X",
-    "beta_n.Y", "beta_n.Z", "gamma_rho", "gamma_n", "gamma_v", "gamma_y", "gamma_z", "tau", "gate",
+    "beta_z.R",
+    "beta_z.G",
+    "beta_z.B",
+    "beta_rho.R",
+    "beta_rho.G",
+    "beta_rho.B",
+    "beta_n.X",
+    "beta_n.Y",
+    "beta_n.Z",
+    "gamma_rho",
+    "gamma_n",
+    "gamma_v",
+    "gamma_y",
+    "gamma_z",
+    "tau",
+    "gate",
 ];
 
 /// Most convolutions that are read: far above any use.
@@ -29,8 +43,7 @@ pub const ACTIVATIONS: &str =
     "beta: tanh(o); gamma: 1/(softplus(o)^2 + 1e-4); tau: softplus(o) + 1e-4; gate: 1/(1 + exp(-o))";
 
 /// How borders of the picture are treated.
-pub const PADDING: &str =
-    "network: zeros, same size; window of g_c: mirrored with the edge pixel repeated";
+pub const PADDING: &str = "network: zeros, same size; window of g_c: mirrored with the edge pixel repeated";
 
 /// What is done to values before they become features, and to the result.
 pub fn exposure_rule(exposure: Exposure) -> &'static str {

@@ -39,9 +39,7 @@ pub fn write_image(model: &Model) -> Vec<u8> {
 }
 
 fn declare(graph: &mut GraphBuilder) {
-    for (name, channels) in
-        [("radiance", 3), ("denoised", 3), ("albedo", 3), ("visibility", 1), ("normal", 3)]
-    {
+    for (name, channels) in [("radiance", 3), ("denoised", 3), ("albedo", 3), ("visibility", 1), ("normal", 3)] {
         graph.input(name, data_type::FLOAT, &planes(channels));
     }
     graph.input("exposure", data_type::FLOAT, &[Dim::Size(1)]);
@@ -69,8 +67,7 @@ fn split_parameters(graph: &mut GraphBuilder, parameters: &[String]) {
     graph.node("Split", &[&parameters[0], "slope_groups"], &slopes, vec![int("axis", 1)]);
     graph.op("Neg", &[&parameters[1]], "minus_gamma");
     graph.ints("bandwidth_groups", &[5], &[1; 5]);
-    let bandwidths =
-        ["minus_gamma_rho", "minus_gamma_n", "minus_gamma_v", "minus_gamma_y", "minus_gamma_z"];
+    let bandwidths = ["minus_gamma_rho", "minus_gamma_n", "minus_gamma_v", "minus_gamma_y", "minus_gamma_z"];
     graph.node("Split", &["minus_gamma", "bandwidth_groups"], &bandwidths, vec![int("axis", 1)]);
 }
 

@@ -3,8 +3,8 @@
 use crate::contract::*;
 use crate::error::Error;
 use crate::messages::StringStringEntryProto;
-use sspc_core::finish::Composition;
 use sspc_core::features::{CHANNEL_NAMES, FeatureSet};
+use sspc_core::finish::Composition;
 use sspc_core::network::Shape;
 use sspc_core::parameters::Form;
 use sspc_core::prepare::Exposure;
@@ -42,10 +42,7 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     .into_iter()
     .map(|(key, value)| (format!("{PREFIX}{key}"), value));
     let extra = contract.extra.iter().map(|(k, v)| (format!("{EXTRA}{k}"), v.clone()));
-    extra
-        .chain(required)
-        .map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) })
-        .collect()
+    extra.chain(required).map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) }).collect()
 }
 
 /// Reads the entries back.
@@ -54,12 +51,8 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
 /// [`Error::Version`] first, so that a later contract is called by its name; then
 /// [`Error::MissingKey`] and [`Error::Key`].
 pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error> {
-    let entries = Entries(
-        entries
-            .iter()
-            .map(|e| (e.key.as_deref().unwrap_or(""), e.value.as_deref().unwrap_or("")))
-            .collect(),
-    );
+    let entries =
+        Entries(entries.iter().map(|e| (e.key.as_deref().unwrap_or(""), e.value.as_deref().unwrap_or(""))).collect());
     let version = entries.text("contract")?;
     if version != CONTRACT_VERSION.to_string() {
         return Err(Error::Version { expected: CONTRACT_VERSION, found: version.to_string() });
@@ -119,11 +112,7 @@ fn composition_name(composition: Composition) -> &'static str {
 }
 
 fn feature_names(features: FeatureSet) -> String {
-    let names = [
-        ("albedo", features.albedo),
-        ("normal", features.normal),
-        ("visibility", features.visibility),
-    ];
+    let names = [("albedo", features.albedo), ("normal", features.normal), ("visibility", features.visibility)];
     names.iter().filter(|(_, used)| *used).map(|(name, _)| *name).collect::<Vec<_>>().join(",")
 }
 
@@ -179,9 +168,6 @@ impl<'a> Entries<'a> {
     }
 
     fn extra(&self) -> BTreeMap<String, String> {
-        self.0
-            .iter()
-            .filter_map(|(k, v)| Some((k.strip_prefix(EXTRA)?.to_string(), v.to_string())))
-            .collect()
+        self.0.iter().filter_map(|(k, v)| Some((k.strip_prefix(EXTRA)?.to_string(), v.to_string()))).collect()
     }
 }

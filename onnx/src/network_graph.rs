@@ -38,11 +38,7 @@ pub(crate) fn planes(channels: usize) -> [Dim; 4] {
 
 /// Adds the convolutions and activations; returns the names of beta `[N, 9, H, W]`, gamma
 /// `[N, 5, H, W]`, tau `[N, 1, H, W]` and, in the gated form, gate `[N, 1, H, W]`.
-pub(crate) fn activated_parts(
-    graph: &mut GraphBuilder,
-    model: &Model,
-    features: &str,
-) -> Vec<String> {
+pub(crate) fn activated_parts(graph: &mut GraphBuilder, model: &Model, features: &str) -> Vec<String> {
     let raw = convolutions(graph, model, features);
     let gated = model.contract.form == Form::Gated;
     let mut raw_parts = vec!["raw_beta", "raw_gamma", "raw_tau"];

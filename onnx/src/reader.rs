@@ -107,12 +107,7 @@ fn kind(graph: &GraphProto) -> GraphKind {
     }
 }
 
-fn append(
-    graph: &GraphProto,
-    name: &str,
-    shape: &[usize],
-    weights: &mut Vec<f32>,
-) -> Result<(), Error> {
+fn append(graph: &GraphProto, name: &str, shape: &[usize], weights: &mut Vec<f32>) -> Result<(), Error> {
     let tensor = graph
         .initializer
         .iter()
@@ -169,11 +164,7 @@ fn same_operators(expected: &GraphProto, found: &GraphProto) -> Result<(), Error
         let (expected, found) = (expected.node.get(index), found.node.get(index));
         if !matches!((expected, found), (Some(e), Some(f)) if same_node(e, f)) {
             let describe = |node: Option<&NodeProto>| match node {
-                Some(node) => format!(
-                    "{} of {}",
-                    node.op_type.as_deref().unwrap_or("?"),
-                    node.input.join(", ")
-                ),
+                Some(node) => format!("{} of {}", node.op_type.as_deref().unwrap_or("?"), node.input.join(", ")),
                 None => "no operator".to_string(),
             };
             return Err(Error::Operator {

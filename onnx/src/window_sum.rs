@@ -37,9 +37,7 @@ pub(crate) fn add_window_sums(graph: &mut GraphBuilder, radius: usize) {
         let padded = format!("{}_wide", term.value);
         graph.op_with("Gather", &[term.value, "column_indices"], &padded, vec![int("axis", 3)]);
     }
-    for (like, shape, zeros) in
-        [("y", "colour_shape", "colour_zeros"), ("tau", "weight_shape", "weight_zeros")]
-    {
+    for (like, shape, zeros) in [("y", "colour_shape", "colour_zeros"), ("tau", "weight_shape", "weight_zeros")] {
         graph.op("Shape", &[like], shape);
         // The value is ONNX's default, but tract 0.23 takes that default for float64.
         graph.op_with("ConstantOfShape", &[shape], zeros, vec![tensor("value", 0.0)]);
@@ -127,8 +125,7 @@ fn row_body(radius: usize) -> GraphProto {
         let weight = tap_weight(&mut body, column, column == radius, &taps);
         for (sum, term) in sums.iter_mut().zip(&summed) {
             let tap = format!("{}_tap_{column}", term.value);
-            let product =
-                body.op("Mul", &[&weight, &tap], &format!("{}_weighted_{column}", term.value));
+            let product = body.op("Mul", &[&weight, &tap], &format!("{}_weighted_{column}", term.value));
             *sum = body.op("Add", &[sum, &product], &name(&format!("{}_sum", term.value)));
         }
         weight_sum = body.op("Add", &[&weight_sum, &weight], &name("weight_sum"));
@@ -160,12 +157,7 @@ fn shifted(body: &mut GraphBuilder, column: usize, radius: usize) -> Vec<String>
 }
 
 /// w_i of Eq. 11 for the pixels of one column of the window; tau where i = c.
-fn tap_weight(
-    body: &mut GraphBuilder,
-    column: usize,
-    centre: bool,
-    taps: &[String],
-) -> String {
+fn tap_weight(body: &mut GraphBuilder, column: usize, centre: bool, taps: &[String]) -> String {
     let mut exponent: Option<String> = None;
     for (term, tap) in TERMS.iter().zip(taps) {
         let name = |part: &str| format!("{}_{part}_{column}", term.value);

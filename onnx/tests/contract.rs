@@ -35,8 +35,7 @@ fn both_graphs_give_the_model_back_to_the_bit() {
             let mut model = model(form, hidden, layers);
             model.contract.window_radius = radius;
             model.contract.exposure = if radius == 9 { Exposure::Normalised } else { Exposure::AsIs };
-            for (bytes, kind) in
-                [(write_network(&model), GraphKind::Network), (write_image(&model), GraphKind::Image)]
+            for (bytes, kind) in [(write_network(&model), GraphKind::Network), (write_image(&model), GraphKind::Image)]
             {
                 assert_eq!(read_model(&bytes).unwrap(), model);
                 assert_eq!(read_graph_kind(&bytes).unwrap(), kind);

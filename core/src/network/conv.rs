@@ -130,10 +130,26 @@ unsafe fn convolve_rows<S: Simd, const OUTPUTS: usize>(work: Convolve) {
             let mut x = 0;
             while x < g.width {
                 if x + S::LANES < g.width {
-                    convolve_at::<S, OUTPUTS, 2>(&work.input.data, work.packed, work.finish, work.output.data.as_mut_ptr(), g, y, x);
+                    convolve_at::<S, OUTPUTS, 2>(
+                        &work.input.data,
+                        work.packed,
+                        work.finish,
+                        work.output.data.as_mut_ptr(),
+                        g,
+                        y,
+                        x,
+                    );
                     x += 2 * S::LANES;
                 } else {
-                    convolve_at::<S, OUTPUTS, 1>(&work.input.data, work.packed, work.finish, work.output.data.as_mut_ptr(), g, y, x);
+                    convolve_at::<S, OUTPUTS, 1>(
+                        &work.input.data,
+                        work.packed,
+                        work.finish,
+                        work.output.data.as_mut_ptr(),
+                        g,
+                        y,
+                        x,
+                    );
                     x += S::LANES;
                 }
             }
@@ -205,7 +221,14 @@ unsafe fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
 
 /// Adds the gradient of one layer's kernel and bias to `gradient` (`[outputs][inputs][3][3]`, then
 /// `[outputs]`), given the layer's input and the gradient of its output.
-pub(super) fn weight_gradient(isa: Isa, input: &Planes, inputs: usize, upstream: &Planes, outputs: usize, gradient: &mut [f32]) {
+pub(super) fn weight_gradient(
+    isa: Isa,
+    input: &Planes,
+    inputs: usize,
+    upstream: &Planes,
+    outputs: usize,
+    gradient: &mut [f32],
+) {
     assert_eq!(input.geometry, upstream.geometry, "planes of one geometry");
     assert_eq!(gradient.len(), outputs * (inputs * TAPS + 1), "gradient of the layer");
     assert!(input.channels >= inputs && upstream.channels == MAX_CHANNELS, "planes of the layer");

@@ -105,7 +105,20 @@ fn convolve_row(
     let rows = [y0 - 1, y0, y0 + 1].map(|row| input.slot(row, height) + LEFT);
     let to = output.slot(y0, height) + LEFT;
     let (from, end) = (columns.start, columns.end);
-    dispatch(isa, ConvolveRow { input: &input.data, rows, packed, rectify, from, end, stride: input.stride, to, output: &mut output.data });
+    dispatch(
+        isa,
+        ConvolveRow {
+            input: &input.data,
+            rows,
+            packed,
+            rectify,
+            from,
+            end,
+            stride: input.stride,
+            to,
+            output: &mut output.data,
+        },
+    );
     // Whole vectors were stored; the pixel right of the window must stay zero for the next layer.
     for c in 0..MAX_CHANNELS {
         output.row_mut(y, c)[width] = 0.0;

@@ -71,7 +71,10 @@ impl WindowNetwork {
     pub fn run_inner(&self, features: &[f32], height: usize, width: usize, inner: Region, out: &mut [f32]) {
         assert_eq!(features.len(), FEATURE_CHANNELS * height * width, "features of the window");
         assert_eq!(out.len(), self.shape.outputs * inner.pixels(), "parameters of the inner pixels");
-        assert!(inner.top + inner.height <= height && inner.left + inner.width <= width, "inner pixels leave the window");
+        assert!(
+            inner.top + inner.height <= height && inner.left + inner.width <= width,
+            "inner pixels leave the window"
+        );
         if inner.pixels() == 0 {
             return;
         }

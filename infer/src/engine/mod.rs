@@ -70,12 +70,8 @@ impl Engine {
             .into_par_iter()
             .filter(|tile| picture.touches(&tile.region()))
             .map(|tile| {
-                let window = features.crop(
-                    tile.window_top,
-                    tile.window_left,
-                    grid.window_height(),
-                    grid.window_width(),
-                );
+                let window =
+                    features.crop(tile.window_top, tile.window_left, grid.window_height(), grid.window_width());
                 Ok((tile, tile.of_window(&plan.run(window, tile.in_window())?)))
             })
             .collect::<Result<_, PlanError>>()?;

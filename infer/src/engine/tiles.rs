@@ -50,16 +50,11 @@ impl TileGrid {
     /// All tiles, row by row; together they cover every pixel once.
     pub fn tiles(&self) -> Vec<Tile> {
         let rows = (0..self.height).step_by(self.tile);
-        rows.flat_map(|top| {
-            (0..self.width).step_by(self.tile).map(move |left| self.tile_at(top, left))
-        })
-        .collect()
+        rows.flat_map(|top| (0..self.width).step_by(self.tile).map(move |left| self.tile_at(top, left))).collect()
     }
 
     fn tile_at(&self, top: usize, left: usize) -> Tile {
-        let begin = |start: usize, size: usize, window: usize| {
-            start.saturating_sub(self.halo).min(size - window)
-        };
+        let begin = |start: usize, size: usize, window: usize| start.saturating_sub(self.halo).min(size - window);
         Tile {
             top,
             left,

@@ -90,7 +90,15 @@ pub fn correct(
     let picture = picture_of(frame, survey.exposure, survey.found.missing_pixels > 0, &correction);
     seconds.finish += begin.elapsed().as_secs_f64();
     let pixels = (height * width).max(1) as f64;
-    Ok(Corrected { picture, survey, loss, estimate, fallback, mean_share: kept / pixels, active_share: active / pixels })
+    Ok(Corrected {
+        picture,
+        survey,
+        loss,
+        estimate,
+        fallback,
+        mean_share: kept / pixels,
+        active_share: active / pixels,
+    })
 }
 
 /// Rows of a band that fit the memory, beside the rows around it.
@@ -132,8 +140,7 @@ impl Band<'_> {
         let begin = Instant::now();
         let inner = rows.start - first..rows.end - first;
         let both = [&parameters[0], &parameters[1]];
-        let part =
-            finish_rows(self.isa, contract.form, self.taps, contract.composition, &prepared, both, inner);
+        let part = finish_rows(self.isa, contract.form, self.taps, contract.composition, &prepared, both, inner);
         seconds.finish += begin.elapsed().as_secs_f64();
         Ok((part, prepared.plan.active_share))
     }

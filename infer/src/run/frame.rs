@@ -123,11 +123,9 @@ fn tell_what_was_read(setting: &Setting, job: &Job, frame: &Frame) {
     frame.warnings.iter().for_each(|warning| progress.say(&format!("{}: note: {warning}", job.name())));
     let fitted = setting.engine.model().contract.features;
     let has = |role: Role| frame.sources.iter().any(|source| source.role == role);
-    for (role, used) in [
-        (Role::Albedo, fitted.albedo),
-        (Role::Normal, fitted.normal),
-        (Role::Visibility, fitted.visibility),
-    ] {
+    for (role, used) in
+        [(Role::Albedo, fitted.albedo), (Role::Normal, fitted.normal), (Role::Visibility, fitted.visibility)]
+    {
         if has(role) && !used {
             progress.detail(&format!("  {role} is left out: the model was fitted without it"));
         }

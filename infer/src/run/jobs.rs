@@ -37,6 +37,9 @@ impl Job {
 pub fn list(arguments: &RunArguments) -> Result<Vec<Job>, Failure> {
     match (&arguments.a, &arguments.frames) {
         (Some(a), Some(frames)) => shot(arguments, a, frames),
+        // clap lets these pass where another way to name the frame was taken.
+        (None, Some(_)) => Err(nonsense("--frames belongs to a shot", "name the shot's files with --a and --b")),
+        (None, None) if arguments.b.is_some() => Err(nonsense("--b belongs to a shot", "add --a and --frames")),
         _ => Ok(vec![Job { number: None, files: single(arguments)?, output: arguments.output.clone() }]),
     }
 }
@@ -46,7 +49,9 @@ fn single(arguments: &RunArguments) -> Result<FrameFiles, Failure> {
         (Some(a), Some(b), _) => FrameFiles::halves(a, b),
         (Some(both), None, _) => FrameFiles::both_in_one(both),
         (None, _, Some(root)) => paper(arguments, root)?,
-        (None, _, None) => return Err(nonsense("no frame was named", "give A.exr and B.exr, --a and --b, or --paper-layout")),
+        (None, _, None) => {
+            return Err(nonsense("no frame was named", "give A.exr and B.exr, --a and --b, or --paper-layout"));
+        }
     };
     let DenoisedFiles { a, b, full } = DenoisedFiles::of(arguments);
     Ok(files.with_denoised(a, b, full))

@@ -20,7 +20,8 @@ impl Progress {
         let shown = frames > 1 && verbosity > Verbosity::Quiet && stderr().is_terminal();
         let bar = shown.then(|| {
             let style = ProgressStyle::with_template("{bar:32} {pos}/{len} frames  {eta} left");
-            let bar = ProgressBar::new(frames as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            let bar =
+                ProgressBar::new(frames as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.tick();
             bar
         });
