@@ -19,8 +19,19 @@ pub const DENOISED: usize = 10;
 
 /// Names of the channels, in order, as the model contract states them.
 pub const CHANNEL_NAMES: [&str; FEATURE_CHANNELS] = [
-    "radiance.R", "radiance.G", "radiance.B", "albedo.R", "albedo.G", "albedo.B", "visibility",
-    "normal.X", "normal.Y", "normal.Z", "denoised.R", "denoised.G", "denoised.B",
+    "radiance.R",
+    "radiance.G",
+    "radiance.B",
+    "albedo.R",
+    "albedo.G",
+    "albedo.B",
+    "visibility",
+    "normal.X",
+    "normal.Y",
+    "normal.Z",
+    "denoised.R",
+    "denoised.G",
+    "denoised.B",
 ];
 
 /// Which optional features take part. One that is absent, or the same at every pixel, is all

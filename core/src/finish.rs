@@ -20,8 +20,8 @@ use crate::image::Image;
 use crate::objective::{RELATIVE_FLOOR, relative_weight, triple};
 use crate::parameters::Form;
 use crate::prepare::Prepared;
-use crate::smooth::box_mean;
 use crate::simd::Isa;
+use crate::smooth::box_mean;
 use std::ops::Range;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.

@@ -158,7 +158,14 @@ impl Objective {
         parameters
     }
 
-    fn tile_backward<U: Upstream>(&self, isa: Isa, tile: &Tile, outputs: &[f32], upstream: &mut U, gradient: &mut [f32]) {
+    fn tile_backward<U: Upstream>(
+        &self,
+        isa: Isa,
+        tile: &Tile,
+        outputs: &[f32],
+        upstream: &mut U,
+        gradient: &mut [f32],
+    ) {
         let parameters = self.activated(isa, outputs);
         let view = ParameterPlanes::of_region(self.form, &parameters, &tile.region);
         let mut corrected = vec![0.0; 3 * tile.region.pixels()];

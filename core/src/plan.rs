@@ -59,12 +59,7 @@ impl Plan {
 
     fn block(&self, block: usize) -> Region {
         let (top, left) = (block / self.columns() * BLOCK_ROWS, block % self.columns() * BLOCK_COLUMNS);
-        Region {
-            top,
-            left,
-            height: BLOCK_ROWS.min(self.height - top),
-            width: BLOCK_COLUMNS.min(self.width - left),
-        }
+        Region { top, left, height: BLOCK_ROWS.min(self.height - top), width: BLOCK_COLUMNS.min(self.width - left) }
     }
 
     /// Active blocks, in row order.

@@ -186,7 +186,9 @@ fn normalised_exposure(frame: &Frame, valid: &Image) -> f32 {
     let (a, b) = (&frame.a.denoised, &frame.b.denoised);
     let mut means: Vec<f64> = (0..a.pixels())
         .filter(|&i| valid.plane(0)[i] != 0.0)
-        .map(|i| (0..3).map(|c| f64::from(a.plane(c)[i].max(0.0)) + f64::from(b.plane(c)[i].max(0.0))).sum::<f64>() / 6.0)
+        .map(|i| {
+            (0..3).map(|c| f64::from(a.plane(c)[i].max(0.0)) + f64::from(b.plane(c)[i].max(0.0))).sum::<f64>() / 6.0
+        })
         .filter(|&m| m > 0.0)
         .collect();
     means.sort_by(f64::total_cmp);
@@ -200,7 +202,8 @@ fn normalised_exposure(frame: &Frame, valid: &Image) -> f32 {
 fn varies<'a>(frame: &'a Frame, valid: &Image, feature: impl Fn(&'a HalfBuffer) -> Option<&'a Image>) -> bool {
     let (Some(a), Some(b)) = (feature(&frame.a), feature(&frame.b)) else { return false };
     (0..a.channels()).any(|c| {
-        let mut values = (0..a.pixels()).filter(|&i| valid.plane(0)[i] != 0.0).flat_map(|i| [a.plane(c)[i], b.plane(c)[i]]);
+        let mut values =
+            (0..a.pixels()).filter(|&i| valid.plane(0)[i] != 0.0).flat_map(|i| [a.plane(c)[i], b.plane(c)[i]]);
         values.next().is_some_and(|first| values.any(|v| v != first))
     })
 }

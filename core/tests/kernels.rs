@@ -93,7 +93,11 @@ fn check(case: &Case, seed: u64) {
         p.copy_from_slice(&raw);
         parameters::activate(isa, case.form, &mut p);
         for (i, (&got, t)) in p.iter().zip(&exact).enumerate() {
-            assert!((f64::from(got) - t).abs() < FORWARD_TOLERANCE * t.abs().max(0.1), "{}: activation {i}: {got} is not {t}", isa.name());
+            assert!(
+                (f64::from(got) - t).abs() < FORWARD_TOLERANCE * t.abs().max(0.1),
+                "{}: activation {i}: {got} is not {t}",
+                isa.name()
+            );
         }
     }
     // g_c is judged on the very f32 parameters it gets: γ·d near 15 multiplies their rounding.
@@ -178,7 +182,16 @@ fn a_region_is_the_same_part_of_the_whole() {
     ] {
         let mut part = vec![0.0; 3 * region.pixels()];
         let view = ParameterPlanes::of_picture(Form::Paper, &p, &windows, &region);
-        gc::backward(isa, &windows, &taps, region, view, &mut NoUpstream, &mut part, &mut vec![0.0; 15 * region.pixels()]);
+        gc::backward(
+            isa,
+            &windows,
+            &taps,
+            region,
+            view,
+            &mut NoUpstream,
+            &mut part,
+            &mut vec![0.0; 15 * region.pixels()],
+        );
         let expected = whole_image.crop(region.top, region.left, region.height, region.width);
         assert_eq!(part, expected.data(), "{region:?} differs from the same part of the whole");
     }
@@ -197,10 +210,14 @@ fn the_network_and_its_gradient_match_the_oracle() {
         let mut truth = Vec::new();
         let mut truth_gradient = vec![0.0; shape.parameter_count()];
         for b in 0..batch {
-            let tile: Vec<f64> =
-                input[b * FEATURE_CHANNELS * pixels..][..FEATURE_CHANNELS * pixels].iter().map(|&v| f64::from(v)).collect();
-            let up: Vec<f64> =
-                upstream[b * shape.outputs * pixels..][..shape.outputs * pixels].iter().map(|&v| f64::from(v)).collect();
+            let tile: Vec<f64> = input[b * FEATURE_CHANNELS * pixels..][..FEATURE_CHANNELS * pixels]
+                .iter()
+                .map(|&v| f64::from(v))
+                .collect();
+            let up: Vec<f64> = upstream[b * shape.outputs * pixels..][..shape.outputs * pixels]
+                .iter()
+                .map(|&v| f64::from(v))
+                .collect();
             truth.extend(network::oracle::forward(&shape, &exact, &tile, height, width).pop().unwrap_or_default());
             let g = network::oracle::backward(&shape, &exact, &tile, height, width, &up);
             truth_gradient.iter_mut().zip(&g).for_each(|(t, g)| *t += g);

@@ -8,7 +8,6 @@ use sspc_core::io::{FrameFiles, RoleOverrides, read_frame, read_reference};
 use sspc_core::sequence::{Frames, Pattern};
 use std::path::PathBuf;
 
-
 /// One frame of the fit, as read.
 pub struct Input {
     pub name: String,

@@ -98,7 +98,8 @@ pub fn skipped(prepared: &Prepared) -> Vec<Skipped> {
         .map(|(what, _)| Skipped { what: what.into(), why: "absent, or the same at every pixel".into() })
         .collect();
     if prepared.plan.active_share < 1.0 {
-        let why = format!("{:.1} % of the pixels lie in blocks without noise", 100.0 * (1.0 - prepared.plan.active_share));
+        let why =
+            format!("{:.1} % of the pixels lie in blocks without noise", 100.0 * (1.0 - prepared.plan.active_share));
         out.push(Skipped { what: "still blocks".into(), why });
     }
     if prepared.found.missing_pixels > 0 {

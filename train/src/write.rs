@@ -8,13 +8,13 @@ use crate::inputs::Input;
 use crate::output::OutputFolder;
 use crate::preset::Settings;
 use crate::report::{Report, peak_rss_bytes};
+use rayon::prelude::*;
 use sspc_core::features::FeatureSet;
 use sspc_core::image::Image;
 use sspc_core::io::atomic::{atomic_write_bytes, check_output};
 use sspc_core::io::preview::{Rgb8, auto_exposure, error_map, strip, tone_map, write_png};
 use sspc_core::io::write_corrected;
 use sspc_core::prepare::Prepared;
-use rayon::prelude::*;
 use sspc_onnx::{Contract, Model, write_network};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -51,8 +51,10 @@ pub fn write_outputs(
     // Compression takes longer than everything else here: all files of a frame at once.
     for (input, result) in inputs.iter().zip(results) {
         let picture = folder.add(&input.file_name("corrected", "exr"));
-        let previews: Vec<(PathBuf, Rgb8)> =
-            previews(input, result).into_iter().map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p)).collect();
+        let previews: Vec<(PathBuf, Rgb8)> = previews(input, result)
+            .into_iter()
+            .map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p))
+            .collect();
         let provenance = provenance(args, fitted, result);
         let (written, shown) = rayon::join(
             || write_corrected(&picture, &input.files.a, &protected, &result.corrected, &provenance),

@@ -145,7 +145,9 @@ fn arguments_without_meaning_end_with_2() {
 #[test]
 fn every_feature_is_optional_and_its_absence_is_said() {
     let folder = folder();
-    for (i, absent) in [&["albedo"][..], &["normal"], &["visibility"], &["albedo", "normal", "visibility"]].iter().enumerate() {
+    for (i, absent) in
+        [&["albedo"][..], &["normal"], &["visibility"], &["albedo", "normal", "visibility"]].iter().enumerate()
+    {
         let out = folder.path().join(i.to_string());
         let roles: Vec<String> = absent.iter().map(|role| format!("--role={role}=none")).collect();
         let roles: Vec<&str> = roles.iter().map(String::as_str).collect();
@@ -187,8 +189,14 @@ fn a_model_starts_another_fit_and_exports_both_graphs() {
     assert_ne!(report(&second)["history"][0]["loss"], report(&first)["history"][0]["loss"]);
     for graph in ["network", "image"] {
         let out = folder.path().join(graph).with_extension("onnx");
-        let output =
-            command().arg("export").arg(&first).arg("-o").arg(&out).args(["--graph", graph]).output().expect("it starts");
+        let output = command()
+            .arg("export")
+            .arg(&first)
+            .arg("-o")
+            .arg(&out)
+            .args(["--graph", graph])
+            .output()
+            .expect("it starts");
         assert_success(&output);
         assert!(std::fs::metadata(&out).expect("a graph").len() > 80_000);
     }
@@ -201,7 +209,8 @@ fn a_model_starts_another_fit_and_exports_both_graphs() {
 fn a_shot_trains_one_model_on_several_frames() {
     let folder = folder();
     for (frame, half) in [(7, "a"), (7, "b"), (9, "a"), (9, "b")] {
-        std::fs::copy(sample(&format!("{half}.exr")), folder.path().join(format!("{half}.{frame:04}.exr"))).expect("copied");
+        std::fs::copy(sample(&format!("{half}.exr")), folder.path().join(format!("{half}.{frame:04}.exr")))
+            .expect("copied");
     }
     let out = folder.path().join("out");
     let pattern = |half: &str| folder.path().join(format!("{half}.####.exr"));

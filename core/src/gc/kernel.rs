@@ -320,11 +320,7 @@ impl<'a, S: Simd> Block<'a, S> {
             let held: [S::F; 3] = std::array::from_fn(|k| S::mul(g[k], sums.free));
             let by_weight = dot::<S>(&by_sum, &held);
             let by_centre = dot::<S>(&by_sum, &difference::<S>(&self.load3(RADIANCE, 0), &held));
-            gradient[CENTRE] = if self.masked {
-                S::mul(by_centre, self.load(FEATURE_CHANNELS, 0))
-            } else {
-                by_centre
-            };
+            gradient[CENTRE] = if self.masked { S::mul(by_centre, self.load(FEATURE_CHANNELS, 0)) } else { by_centre };
             let widths = self.bandwidth_sums(p, &by_sum, by_weight, kept);
             for (m, sum) in widths.iter().enumerate() {
                 // The logarithms are kept to the base 2.

@@ -70,10 +70,8 @@ impl<'a> ParameterPlanes<'a> {
     }
 
     fn check(&self, region: &Region) {
-        let last = self.start
-            + (self.form.parameters() - 1) * self.plane
-            + (region.height - 1) * self.row
-            + region.width;
+        let last =
+            self.start + (self.form.parameters() - 1) * self.plane + (region.height - 1) * self.row + region.width;
         assert!(last <= self.values.len() && region.width <= self.row, "parameters cover the region");
     }
 }
@@ -124,7 +122,12 @@ fn run<U: Upstream>(
         region.top + region.height <= windows.height() && region.left + region.width <= windows.width(),
         "region leaves the picture"
     );
-    assert!(taps.radius() <= windows.radius(), "window of radius {} in planes padded by {}", taps.radius(), windows.radius());
+    assert!(
+        taps.radius() <= windows.radius(),
+        "window of radius {} in planes padded by {}",
+        taps.radius(),
+        windows.radius()
+    );
     assert_eq!(out.len(), 3 * region.pixels(), "corrected radiance of the region");
     parameters.check(&region);
     let offsets = taps.offsets(windows.stride());

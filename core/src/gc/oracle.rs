@@ -20,7 +20,15 @@ pub struct Pixel {
 }
 
 /// g_c at pixel (y, x) with activated `parameters`, and the gradient of `upstream · μ̂`.
-pub fn pixel(windows: &Windows, taps: &Taps, form: Form, parameters: &[f64], y: usize, x: usize, upstream: [f64; 3]) -> Pixel {
+pub fn pixel(
+    windows: &Windows,
+    taps: &Taps,
+    form: Form,
+    parameters: &[f64],
+    y: usize,
+    x: usize,
+    upstream: [f64; 3],
+) -> Pixel {
     let (y, x) = (y as isize, x as isize);
     let at = |c: usize, (dy, dx): (i32, i32)| f64::from(windows.at(c, y + dy as isize, x + dx as isize));
     let triple = |c: usize, o: (i32, i32)| [at(c, o), at(c + 1, o), at(c + 2, o)];

@@ -10,10 +10,8 @@ impl Taps {
     /// The whole square window of `radius`, row by row.
     pub fn square(radius: usize) -> Self {
         let r = radius as i32;
-        let offsets = (-r..=r)
-            .flat_map(|dy| (-r..=r).map(move |dx| (dy, dx)))
-            .filter(|&offset| offset != (0, 0))
-            .collect();
+        let offsets =
+            (-r..=r).flat_map(|dy| (-r..=r).map(move |dx| (dy, dx))).filter(|&offset| offset != (0, 0)).collect();
         Self { offsets }
     }
 

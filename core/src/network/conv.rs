@@ -212,7 +212,10 @@ unsafe fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
                         Finish::Relu => S::max(sum, S::zero()),
                         Finish::MaskedBy(mask) => S::where_positive(S::load(mask.data.as_ptr().add(offset)), sum),
                     };
-                    S::store(output.add(offset), if left < S::LANES { S::where_positive(inside, value) } else { value });
+                    S::store(
+                        output.add(offset),
+                        if left < S::LANES { S::where_positive(inside, value) } else { value },
+                    );
                 }
             }
         }

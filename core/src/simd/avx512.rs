@@ -69,11 +69,7 @@ impl Simd for Avx512 {
     unsafe fn copysign(a: __m512, s: __m512) -> __m512 {
         unsafe {
             let sign = _mm512_set1_epi32(i32::MIN);
-            let bits = _mm512_ternarylogic_epi32::<0xE4>(
-                _mm512_castps_si512(s),
-                _mm512_castps_si512(a),
-                sign,
-            );
+            let bits = _mm512_ternarylogic_epi32::<0xE4>(_mm512_castps_si512(s), _mm512_castps_si512(a), sign);
             _mm512_castsi512_ps(bits)
         }
     }

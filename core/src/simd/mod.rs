@@ -135,16 +135,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
 /// Minimax coefficients of 2^r on [-1/2, 1/2], lowest power first.
 const EXP2: [f32; 6] = [1.0, 0.693_146_94, 0.240_221_2, 0.055_507_13, 0.009_675_541, 0.001_327_647];
 /// Minimax coefficients of log2(1 + t) / t on [sqrt(1/2) - 1, sqrt(2) - 1].
-const LOG2_1P: [f32; 8] = [
-    1.442_694_9,
-    -0.721_352_8,
-    0.480_923_24,
-    -0.360_239_62,
-    0.287_098_7,
-    -0.248_876_88,
-    0.234_042_3,
-    -0.145_811_51,
-];
+const LOG2_1P: [f32; 8] =
+    [1.442_694_9, -0.721_352_8, 0.480_923_24, -0.360_239_62, 0.287_098_7, -0.248_876_88, 0.234_042_3, -0.145_811_51];
 
 #[inline(always)]
 unsafe fn polynomial<S: Simd>(coefficients: &[f32], x: S::F) -> S::F {
