@@ -100,12 +100,11 @@ fn bad_input_is_one_line_and_leaves_nothing() {
     let whole = std::fs::read(sample("a.exr")).expect("the sample");
     std::fs::write(&truncated, &whole[..whole.len() / 3]).expect("written");
     let a = sample("a.exr");
-    let cases: [(&str, PathBuf, PathBuf, &str); 6] = [
+    let cases: [(&str, PathBuf, PathBuf, &str); 5] = [
         ("a missing file", "missing.exr".into(), sample("b.exr"), "missing.exr"),
         ("text", text, sample("b.exr"), "not an OpenEXR file"),
         ("a truncated file", truncated, sample("b.exr"), "truncated"),
         ("identical halves", a.clone(), a.clone(), "same value in every pixel"),
-        ("another size", a.clone(), sample("../blender/b.exr"), "256x192"),
         ("no denoised role", sample("denoised.exr"), sample("ref.exr"), "denoised colour of half a"),
     ];
     for (what, a, b, expected) in cases {
@@ -117,6 +116,18 @@ fn bad_input_is_one_line_and_leaves_nothing() {
         assert!(errors.len() == 1 && errors[0].contains(expected), "{what}: {message}");
         assert!(!out.exists(), "{what} leaves a folder");
     }
+}
+
+#[test]
+fn a_file_of_another_size_is_named_with_both_sizes() {
+    let folder = folder();
+    let out = folder.path().join("out");
+    let small = sample("../blender/denoised.exr");
+    let output = fit(&out, &["--denoised", small.to_str().expect("UTF-8")]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{message}");
+    assert!(message.contains("256x192") && message.contains("96x64"), "{message}");
+    assert!(!out.exists());
 }
 
 #[test]
@@ -172,7 +183,14 @@ fn a_dry_run_names_roles_and_writes_nothing() {
 fn a_time_limit_ends_training_with_a_picture() {
     let folder = folder();
     let out = folder.path().join("out");
-    assert_success(&fit(&out, &["--steps", "100000", "--time-limit", "0.3"]));
+    let output = command()
+        .arg("fit")
+        .args([sample("a.exr"), sample("b.exr")])
+        .args(["--steps", "100000", "--time-limit", "0.3", "-o"])
+        .arg(&out)
+        .output()
+        .expect("sspc-train starts");
+    assert_success(&output);
     let report = report(&out);
     assert_eq!(report["end"], "time-limit");
     assert!(report["steps"].as_u64().is_some_and(|steps| (1..100_000).contains(&steps)));
