@@ -4,6 +4,9 @@
 //! that turns the upstream gradient into the input's. The network, g_c and the loss are such
 //! operations; all of them run core's SIMD kernels on the host, on whichever CPU backend.
 
+// burn-ndarray is deprecated; to keep it working is what the feature is for.
+#![cfg_attr(feature = "ndarray", allow(deprecated))]
+
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
@@ -33,12 +36,7 @@ pub trait OperationBackend: Backend {
 impl OperationBackend for Flex {}
 
 #[cfg(feature = "ndarray")]
-mod ndarray {
-    pub use burn::backend::NdArray;
-    impl super::OperationBackend for NdArray {}
-}
-#[cfg(feature = "ndarray")]
-use ndarray::NdArray;
+impl OperationBackend for burn::backend::NdArray {}
 
 fn values<B: Backend>(tensor: FloatTensor<B>) -> Vec<f32> {
     let data = try_read_sync(B::float_into_data(tensor)).expect("CPU backends answer at once").expect("tensor data");

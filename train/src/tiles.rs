@@ -139,7 +139,8 @@ mod tests {
         let steps = |plan: &Plan, height, width| Schedule::new(&settings, plan, height, width, None).steps();
         assert_eq!(steps(&Plan::everything(720, 1280), 720, 1280), settings.steps);
         assert_eq!(steps(&Plan::everything(192, 256), 192, 256), 214);
-        let half_empty = Plan { active_share: 0.5, ..Plan::everything(720, 1280) };
+        let mut half_empty = Plan::everything(720, 1280);
+        half_empty.active_share = 0.5;
         assert_eq!(steps(&half_empty, 720, 1280), settings.steps / 2);
     }
 
