@@ -19,8 +19,8 @@ use sspc_core::image::Image;
 use sspc_core::plan::Plan as PicturePlan;
 use sspc_onnx::Model;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
-use tiles::{Tile, TileGrid};
+use std::sync::{Arc, Mutex, MutexGuard};
+use tiles::TileGrid;
 
 /// Side of the tiles when nobody asks for another, pixels: large enough that the halo costs little,
 /// small enough that a window's planes stay in a core's cache.
@@ -65,25 +65,19 @@ impl Engine {
         let outputs = self.model.contract.form.parameters();
         let grid = self.grid(height, width);
         let plan = self.plan(grid.window_height(), grid.window_width())?;
-        let tiles: Vec<(Tile, Vec<f32>)> = grid
-            .tiles()
-            .into_par_iter()
-            .filter(|tile| picture.touches(&tile.region()))
-            .map(|tile| {
-                let window =
-                    features.crop(tile.window_top, tile.window_left, grid.window_height(), grid.window_width());
-                Ok((tile, tile.of_window(&plan.run(window, tile.in_window())?)))
-            })
-            .collect::<Result<_, PlanError>>()?;
-        let mut parameters = Image::zeros(outputs, height, width);
-        for (tile, values) in tiles {
-            tile.place(&values, &mut parameters);
-        }
-        Ok(parameters)
+        // One tile is put in place while the others are computed.
+        let parameters = Mutex::new(Image::zeros(outputs, height, width));
+        let tiles = grid.tiles().into_par_iter().filter(|tile| picture.touches(&tile.region()));
+        tiles.try_for_each(|tile| {
+            let (window_height, window_width) = (grid.window_height(), grid.window_width());
+            let window = features.crop(tile.window_top, tile.window_left, window_height, window_width);
+            plan.run(window, tile.in_window(), |values| tile.place(values, &mut lock(&parameters)))
+        })?;
+        Ok(parameters.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()))
     }
 
     fn plan(&self, height: usize, width: usize) -> Result<Arc<Plan>, PlanError> {
-        let mut plans = self.plans.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut plans = lock(&self.plans);
         if let Some(plan) = plans.get(&(height, width)) {
             return Ok(Arc::clone(plan));
         }
@@ -91,4 +85,9 @@ impl Engine {
         plans.insert((height, width), Arc::clone(&plan));
         Ok(plan)
     }
+}
+
+/// What is behind a lock, also after a panic elsewhere, which rayon passes on by itself.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }

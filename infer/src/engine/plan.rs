@@ -55,10 +55,11 @@ impl Plan {
         Ok(Self { plan, kernels })
     }
 
-    /// Activated parameters of one window, plane after plane; those outside `wanted` are of no use.
-    pub fn run(&self, window: Image, wanted: Region) -> Result<Vec<f32>, PlanError> {
+    /// Hands the activated parameters of one window, plane after plane, to `take`; those outside
+    /// `wanted` are of no use.
+    pub fn run(&self, window: Image, wanted: Region, take: impl FnOnce(&[f32])) -> Result<(), PlanError> {
         let (height, width) = (window.height(), window.width());
-        let run = || -> TractResult<Vec<f32>> {
+        let run = || -> TractResult<()> {
             let shape = (1, FEATURE_CHANNELS, height, width);
             let features = tract_ndarray::Array4::from_shape_vec(shape, window.into_data())?;
             let mut inputs: TVec<TValue> = tvec!(features.into_tensor().into());
@@ -68,8 +69,8 @@ impl Plan {
             }
             let outputs = self.plan.run(inputs)?;
             let parameters = outputs[0].to_plain_array_view::<f32>()?;
-            let contiguous = parameters.as_slice().context("parameters are contiguous")?;
-            Ok(contiguous.to_vec())
+            take(parameters.as_slice().context("parameters are contiguous")?);
+            Ok(())
         };
         run().map_err(|e| PlanError::Run { reason: format!("{e:#}") })
     }

@@ -79,28 +79,16 @@ impl Tile {
         Region { top: self.top - self.window_top, left: self.left - self.window_left, ..self.region() }
     }
 
-    /// The tile's planes out of its window's planes.
-    pub fn of_window(&self, window: &[f32]) -> Vec<f32> {
-        let rows = self.top - self.window_top..self.top - self.window_top + self.height;
-        let first = self.left - self.window_left;
-        let mut values = Vec::with_capacity(window.len());
-        for plane in window.chunks_exact(self.window_height * self.window_width) {
-            for row in rows.clone() {
-                let start = row * self.window_width + first;
-                values.extend_from_slice(&plane[start..start + self.width]);
-            }
-        }
-        values
-    }
-
-    /// Puts the tile's planes into the picture.
-    pub fn place(&self, values: &[f32], picture: &mut Image) {
+    /// Copies the tile out of its window's planes into the picture's.
+    pub fn place(&self, window: &[f32], picture: &mut Image) {
+        let inner = self.in_window();
         let picture_width = picture.width();
-        for (c, plane) in values.chunks_exact(self.height * self.width).enumerate() {
+        for (c, plane) in window.chunks_exact(self.window_height * self.window_width).enumerate() {
             let target = picture.plane_mut(c);
-            for (y, row) in plane.chunks_exact(self.width).enumerate() {
-                let start = (self.top + y) * picture_width + self.left;
-                target[start..start + self.width].copy_from_slice(row);
+            for y in 0..self.height {
+                let from = (inner.top + y) * self.window_width + inner.left;
+                let to = (self.top + y) * picture_width + self.left;
+                target[to..to + self.width].copy_from_slice(&plane[from..from + self.width]);
             }
         }
     }
