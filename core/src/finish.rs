@@ -19,6 +19,7 @@ use crate::gc::Taps;
 use crate::image::Image;
 use crate::objective::{RELATIVE_FLOOR, relative_weight, triple};
 use crate::parameters::Form;
+use crate::plan::Plan;
 use crate::prepare::Prepared;
 use crate::simd::Isa;
 use crate::smooth::box_mean;
@@ -62,6 +63,17 @@ pub fn margin(taps: &Taps, composition: Composition) -> usize {
     match composition {
         Composition::MeanOfHalves => taps.radius(),
         Composition::JudgedFullBuffer => taps.radius() + 2 * JUDGE_RADIUS,
+    }
+}
+
+/// The rows whose corrected halves, and so whose parameters, `rows` of a picture of `height` rows
+/// depend on.
+pub fn judged_rows(composition: Composition, rows: &Range<usize>, height: usize) -> Range<usize> {
+    match composition {
+        Composition::MeanOfHalves => rows.clone(),
+        Composition::JudgedFullBuffer => {
+            rows.start.saturating_sub(2 * JUDGE_RADIUS)..(rows.end + 2 * JUDGE_RADIUS).min(height)
+        }
     }
 }
 
@@ -158,17 +170,19 @@ pub fn finish_rows(
     parameters: [&Image; 2],
     rows: Range<usize>,
 ) -> Part {
-    let corrected = |features: &Image, h: usize| {
+    let corrected = |features: &Image, h: usize, plan: &Plan| {
         let windows = Windows::new(features, prepared.valid.as_ref(), prepared.set, taps.radius());
-        correct(isa, form, &windows, taps, parameters[h], &prepared.plan)
+        correct(isa, form, &windows, taps, parameters[h], plan)
     };
-    let halves: Vec<Image> = (0..2).map(|h| corrected(&prepared.halves[h], h)).collect();
+    let finished = prepared.plan.within_rows(rows.clone());
+    let judged = prepared.plan.within_rows(judged_rows(composition, &rows, prepared.height()));
+    let halves: Vec<Image> = (0..2).map(|h| corrected(&prepared.halves[h], h, &judged)).collect();
     let (mut correction, share) = match composition {
         Composition::MeanOfHalves => {
             (Image::mean_of(&halves[0], &halves[1]), Image::filled(1, prepared.height(), prepared.width(), 1.0))
         }
         Composition::JudgedFullBuffer => {
-            let full = [0, 1].map(|h| corrected(&prepared.with_full_buffer(h), h));
+            let full = [0, 1].map(|h| corrected(&prepared.with_full_buffer(h), h, &finished));
             (Image::mean_of(&full[0], &full[1]), Evidence::of(prepared, &halves).share())
         }
     };

@@ -8,6 +8,7 @@
 use crate::features::RADIANCE;
 use crate::gc::Region;
 use crate::image::Image;
+use std::ops::Range;
 
 /// Rows of a block.
 pub const BLOCK_ROWS: usize = 8;
@@ -51,6 +52,16 @@ impl Plan {
     pub fn everything(height: usize, width: usize) -> Self {
         let blocks = height.div_ceil(BLOCK_ROWS) * width.div_ceil(BLOCK_COLUMNS);
         Self { height, width, active: vec![true; blocks], active_share: 1.0 }
+    }
+
+    /// The same plan without the blocks that lie outside `rows`; the share stays that of the picture.
+    pub fn within_rows(&self, rows: Range<usize>) -> Self {
+        let mut plan = self.clone();
+        for (block, active) in plan.active.iter_mut().enumerate() {
+            let Region { top, height, .. } = self.block(block);
+            *active &= top < rows.end && top + height > rows.start;
+        }
+        plan
     }
 
     fn columns(&self) -> usize {

@@ -7,7 +7,7 @@
 use super::report::Seconds;
 use crate::engine::{Engine, PlanError};
 use sspc_core::estimate::{BLOCK, Estimate, Losses};
-use sspc_core::finish::{Part, Tally, Verdict, finish_rows, margin, picture_of};
+use sspc_core::finish::{Part, Tally, Verdict, finish_rows, judged_rows, margin, picture_of};
 use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
@@ -17,7 +17,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 /// Memory that a band may take beside the frame itself.
-const BAND_BYTES: usize = 512 << 20;
+const BAND_BYTES: usize = 640 << 20;
 /// What a pixel of a band takes at the peak: features of both halves and of one full buffer, padded
 /// windows, parameters of both halves and what is made of them, about a hundred f32.
 const BYTES_PER_PIXEL: usize = 400;
@@ -129,16 +129,18 @@ impl Band<'_> {
         seconds.features += begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
+        let inner = rows.start - first..rows.end - first;
+        let looked_at = judged_rows(contract.composition, &inner, prepared.height());
+        let plan = prepared.plan.within_rows(looked_at);
         let mut parameters = Vec::new();
         for features in &prepared.halves {
             self.go_on()?;
-            parameters.push(self.engine.parameters(features, &prepared.plan)?);
+            parameters.push(self.engine.parameters(features, &plan)?);
         }
         seconds.network += begin.elapsed().as_secs_f64();
 
         self.go_on()?;
         let begin = Instant::now();
-        let inner = rows.start - first..rows.end - first;
         let both = [&parameters[0], &parameters[1]];
         let part = finish_rows(self.isa, contract.form, self.taps, contract.composition, &prepared, both, inner);
         seconds.finish += begin.elapsed().as_secs_f64();
