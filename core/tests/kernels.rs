@@ -162,6 +162,43 @@ fn g_c_and_its_gradient_match_the_oracle() {
     }
 }
 
+/// Central differences of g_c's own f64 values: the truncation error of a step of 1e-6 is far below.
+const DIFFERENCE_TOLERANCE: f64 = 1e-5;
+
+#[test]
+fn the_oracles_gradient_is_that_of_finite_differences() {
+    let rng = &mut Rng::new(11);
+    let image = features(rng, 9, 10);
+    let windows = Windows::new(&image, None, FeatureSet::ALL, 3);
+    let taps = Taps::square(3);
+    for form in [Form::Paper, Form::Gated] {
+        let raw = outputs(rng, form, 1, 1.0);
+        let p = activated_f64(form, &raw);
+        let upstream = [0.7, -1.3, 0.4];
+        let value = |p: &[f64]| {
+            let corrected = gc::oracle::pixel(&windows, &taps, form, p, 4, 0, upstream).corrected;
+            (0..3).map(|k| upstream[k] * corrected[k]).sum::<f64>()
+        };
+        let gradient = gc::oracle::pixel(&windows, &taps, form, &p, 4, 0, upstream).gradient;
+        for c in 0..form.parameters() {
+            let step = 1e-6 * p[c].abs().max(1.0);
+            let (mut up, mut down) = (p.clone(), p.clone());
+            up[c] += step;
+            down[c] -= step;
+            let difference = (value(&up) - value(&down)) / (2.0 * step);
+            let error = (gradient[c] - difference).abs() / difference.abs().max(1e-3);
+            assert!(error < DIFFERENCE_TOLERANCE, "{form:?}, parameter {c}: {} is not {difference}", gradient[c]);
+        }
+        // And the activations'.
+        for (c, &o) in raw.iter().enumerate() {
+            let at = |o: f64| activation_f64(c, o).0;
+            let (value, slope) = activation_f64(c, f64::from(o));
+            let difference = (at(f64::from(o) + 1e-6) - at(f64::from(o) - 1e-6)) / 2e-6;
+            assert!((slope - difference).abs() < DIFFERENCE_TOLERANCE * value.abs().max(1.0), "activation {c}");
+        }
+    }
+}
+
 #[test]
 fn a_region_is_the_same_part_of_the_whole() {
     let rng = &mut Rng::new(5);
