@@ -68,8 +68,8 @@ pub enum Error {
     #[error("{}: {purpose}: expected samples independent of {}, found the same value in every pixel", b.display(), a.display())]
     IdenticalHalves { a: PathBuf, b: PathBuf, purpose: Purpose },
 
-    #[error("{}: no finite value in the {purpose}: expected radiance, found only NaN or infinity", path.display())]
-    NothingFinite { path: PathBuf, purpose: Purpose },
+    #[error("{}: channel {channel} of the {purpose}: expected radiance, found only NaN or infinity", path.display())]
+    NothingFinite { path: PathBuf, purpose: Purpose, channel: String },
 
     #[error("role override '{text}': expected {expected}, found {found}")]
     Override { text: String, expected: String, found: String },

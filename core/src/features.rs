@@ -36,7 +36,7 @@ pub const CHANNEL_NAMES: [&str; FEATURE_CHANNELS] = [
 
 /// Which optional features take part. One that is absent, or the same at every pixel, is all
 /// zeros, its differences vanish, and the kernels skip it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct FeatureSet {
     pub albedo: bool,
     pub normal: bool,

@@ -117,10 +117,10 @@ impl Image {
         Image { channels: self.channels, height, width, data }
     }
 
-    /// The mean of two images of one shape.
+    /// The mean of two images of one shape; of finite values it is finite.
     pub fn mean_of(a: &Image, b: &Image) -> Image {
         assert!(a.same_size(b) && a.channels == b.channels, "mean of images of one shape");
-        let data = a.data.iter().zip(&b.data).map(|(a, b)| 0.5 * (a + b)).collect();
+        let data = a.data.iter().zip(&b.data).map(|(a, b)| 0.5 * a + 0.5 * b).collect();
         Image { data, ..*a }
     }
 }

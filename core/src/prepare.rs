@@ -25,10 +25,12 @@ pub struct Prepared {
     pub found: Findings,
 }
 
-/// Counts of unusual pixels.
+/// Unusual pixels and features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Findings {
-    /// Pixels with NaN or Inf in any role.
+    /// Features that are there, but at no pixel finite in both halves: they count as absent.
+    pub unusable: FeatureSet,
+    /// Pixels with NaN or Inf in any role but the unusable features.
     pub missing_pixels: usize,
     /// Negative colour values, clamped at 0.
     pub negative_values: usize,
@@ -63,17 +65,19 @@ pub struct Survey {
 impl Survey {
     /// Looks a frame over.
     pub fn of(frame: &Frame, exposure: Exposure) -> Self {
-        let valid = validity(frame);
+        let unusable = unusable_features(frame);
+        let valid = validity(frame, unusable);
         let exposure = match exposure {
             Exposure::AsIs => 1.0,
             Exposure::Normalised => normalised_exposure(frame, &valid),
         };
         let set = FeatureSet {
-            albedo: varies(frame, &valid, |h| h.albedo.as_ref()),
-            normal: varies(frame, &valid, |h| h.normal.as_ref()),
-            visibility: varies(frame, &valid, |h| h.visibility.as_ref()),
+            albedo: !unusable.albedo && varies(frame, &valid, |h| h.albedo.as_ref()),
+            normal: !unusable.normal && varies(frame, &valid, |h| h.normal.as_ref()),
+            visibility: !unusable.visibility && varies(frame, &valid, |h| h.visibility.as_ref()),
         };
         let found = Findings {
+            unusable,
             missing_pixels: valid.plane(0).iter().filter(|v| **v == 0.0).count(),
             negative_values: colours(frame).map(|image| negative_values(image, &valid)).sum(),
         };
@@ -102,7 +106,7 @@ impl Prepared {
     /// Brings a frame, or a band of it, into the units that were decided for the whole frame.
     pub fn by_survey(frame: &Frame, survey: Survey) -> Self {
         let Survey { exposure: factor, set, found } = survey;
-        let valid = validity(frame);
+        let valid = validity(frame, found.unusable);
         let half = |h: &HalfBuffer| half_features(h, set, factor, &valid);
         let halves = [half(&frame.a), half(&frame.b)];
         let mean;
@@ -152,10 +156,32 @@ impl Prepared {
     }
 }
 
-fn images(h: &HalfBuffer) -> impl Iterator<Item = &Image> {
-    [Some(&h.radiance), Some(&h.denoised), h.albedo.as_ref(), h.normal.as_ref(), h.visibility.as_ref()]
-        .into_iter()
-        .flatten()
+/// Features of which no pixel is finite in both halves. Were they taken for what they claim to be,
+/// every pixel would be missing.
+pub fn unusable_features(frame: &Frame) -> FeatureSet {
+    let unusable = |feature: fn(&HalfBuffer) -> Option<&Image>| {
+        let images: Vec<&Image> = [&frame.a, &frame.b].into_iter().filter_map(feature).collect();
+        let finite = |i: usize| images.iter().all(|f| (0..f.channels()).all(|c| f.plane(c)[i].is_finite()));
+        !images.is_empty() && !(0..images[0].pixels()).any(finite)
+    };
+    FeatureSet {
+        albedo: unusable(|h| h.albedo.as_ref()),
+        normal: unusable(|h| h.normal.as_ref()),
+        visibility: unusable(|h| h.visibility.as_ref()),
+    }
+}
+
+/// The images of a half that decide which pixels are missing.
+fn images(h: &HalfBuffer, unusable: FeatureSet) -> impl Iterator<Item = &Image> {
+    [
+        Some(&h.radiance),
+        Some(&h.denoised),
+        h.albedo.as_ref().filter(|_| !unusable.albedo),
+        h.normal.as_ref().filter(|_| !unusable.normal),
+        h.visibility.as_ref().filter(|_| !unusable.visibility),
+    ]
+    .into_iter()
+    .flatten()
 }
 
 /// The images whose negative values are clamped.
@@ -168,9 +194,9 @@ fn negative_values(image: &Image, valid: &Image) -> usize {
     values.filter(|(v, ok)| **v < 0.0 && **ok != 0.0).count()
 }
 
-fn validity(frame: &Frame) -> Image {
+fn validity(frame: &Frame, unusable: FeatureSet) -> Image {
     let mut valid = Image::filled(1, frame.height(), frame.width(), 1.0);
-    for image in images(&frame.a).chain(images(&frame.b)).chain(&frame.denoised) {
+    for image in images(&frame.a, unusable).chain(images(&frame.b, unusable)).chain(&frame.denoised) {
         for c in 0..image.channels() {
             for (v, x) in valid.plane_mut(0).iter_mut().zip(image.plane(c)) {
                 if !x.is_finite() {

@@ -1,6 +1,7 @@
 //! The fit loop: tiles, loss, backward, Adam.
 
 use crate::backend::Backend;
+use crate::guard::Guard;
 use crate::model::{Corrector, TileBatch, to_vec};
 use crate::preset::{Rate, Settings, Start};
 use crate::tiles::Schedule;
@@ -65,7 +66,7 @@ pub enum End {
 pub struct Fitted {
     pub network: Network,
     pub history: Vec<Step>,
-    /// Steps whose loss or gradient was not finite: their update was left out.
+    /// Steps whose loss, gradient or weights were not finite: their update was left out.
     pub dropped: usize,
     pub end: End,
     pub seconds: f64,
@@ -130,20 +131,22 @@ pub fn fit(
     let objectives: Vec<_> = prepared.iter().map(|p| objective(p, settings)).collect();
     let mut schedules: Vec<Schedule> =
         prepared.iter().map(|p| Schedule::new(settings, &p.plan, p.height(), p.width(), limits.steps)).collect();
-    let steps = schedules.iter().map(Schedule::steps).max().unwrap_or(0);
     // Frames in turn; one without any noise has nothing to teach.
     let taught: Vec<usize> = (0..schedules.len()).filter(|&i| schedules[i].steps() > 0).collect();
     let noise_rate = match settings.rate {
         Rate::NoiseScaled { factor } => noise_scaled_rate(factor, prepared),
         Rate::Cosine { .. } => 0.0,
     };
+    // The paper's rate is zero where both halves are equal: no step would change a weight.
+    let moves = matches!(settings.rate, Rate::Cosine { .. }) || noise_rate > 0.0;
+    let steps = if moves { schedules.iter().map(Schedule::steps).max().unwrap_or(0) } else { 0 };
     let device = backend.device().autodiff();
     let shape = initial.shape;
     let mut model = Corrector::new(&initial, &device);
-    // The last weights that gave a finite loss and gradient, and how far to go from them.
-    let (mut good, mut brake) = (model.clone(), 1.0);
-    let mut optimiser = AdamConfig::new().with_epsilon(1e-8).init();
-    let (mut history, mut dropped, mut end) = (Vec::new(), 0, End::AllSteps);
+    let mut guard = Guard::new(&model);
+    let adam = AdamConfig::new().with_epsilon(1e-8);
+    let mut optimiser = adam.init();
+    let (mut history, mut end) = (Vec::new(), End::AllSteps);
     for step in 0..steps {
         let frame = taught[step % taught.len()];
         let batch = TileBatch {
@@ -154,17 +157,19 @@ pub fn fit(
         };
         let loss = batch.loss(batch.outputs(model.weights()), settings.influence);
         let value = f64::from(loss.clone().into_scalar::<f32>());
-        let rate = brake * rate_at(settings, noise_rate, step, steps, limits.elapsed_share(start));
+        let rate = guard.brake() * rate_at(settings, noise_rate, step, steps, limits.elapsed_share(start));
         let gradients = GradientsParams::from_grads(loss.backward(), &model);
-        let finite = value.is_finite()
-            && gradients.get::<1>(model.id()).is_some_and(|g| to_vec(g).iter().all(|v| v.is_finite()));
-        if finite {
-            good = model.clone();
+        let gradient = gradients.get::<1>(model.id()).map(to_vec).unwrap_or_default();
+        if guard.allows(value, &gradient) {
+            guard.took(&model, value);
             model = optimiser.step(rate, model, gradients);
+            if !guard.is_sound(&model) {
+                // The moments are as bad as the weights that they made.
+                optimiser = adam.init();
+                model = guard.drop_step();
+            }
         } else {
-            dropped += 1;
-            brake *= 0.5;
-            model = good.clone();
+            model = guard.drop_step();
         }
         let seconds = start.elapsed().as_secs_f64();
         history.push(Step { step: step + 1, of: steps, loss: value, rate, seconds });
@@ -177,10 +182,8 @@ pub fn fit(
             break;
         }
     }
-    let mut weights = model.to_vec();
-    if weights.iter().any(|w| !w.is_finite()) {
-        weights = good.to_vec();
-    }
+    let dropped = guard.dropped();
+    let weights = guard.finish(model).to_vec();
     let network = Network { shape, weights };
     Fitted { network, history, dropped, end, seconds: start.elapsed().as_secs_f64() }
 }

@@ -87,11 +87,11 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
 }
 
 /// A frame in the method's units, with the features that the settings allow. The paper computes
-/// every pixel.
+/// every pixel, but its rate leaves nothing to compute where no pixel has noise.
 fn prepare(input: &Input, settings: &Settings) -> Prepared {
     let survey = Survey::of(&input.frame, settings.exposure).with_features_of(settings.features);
     let mut prepared = Prepared::by_survey(&input.frame, survey);
-    if settings.composition == Composition::MeanOfHalves {
+    if settings.composition == Composition::MeanOfHalves && prepared.plan.active_share > 0.0 {
         prepared.plan = Plan::everything(prepared.height(), prepared.width());
     }
     prepared

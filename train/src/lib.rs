@@ -1,7 +1,7 @@
 //! Fits the corrector to a frame or a shot with Burn.
 //!
-//! [`inputs`] reads, [`preset`] says how and [`tiles`] on what to train, [`fit`] trains, [`write`]
-//! leaves picture, model, report and previews; [`model`] and [`operation`] are the Burn side of
+//! [`inputs`] reads, [`preset`] says how and [`tiles`] on what to train, [`fit`] trains, [`guard`]
+//! keeps its weights finite, [`write`] leaves picture, model, report and previews; [`model`] and [`operation`] are the Burn side of
 //! core's kernels.
 
 pub mod backend;
@@ -9,6 +9,7 @@ pub mod cli;
 pub mod error;
 pub mod fit;
 pub mod fit_command;
+pub mod guard;
 pub mod init;
 pub mod inputs;
 pub mod interrupt;

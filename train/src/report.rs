@@ -95,7 +95,10 @@ pub fn skipped(prepared: &Prepared) -> Vec<Skipped> {
     let mut out: Vec<Skipped> = [("albedo", albedo), ("normal", normal), ("visibility", visibility)]
         .into_iter()
         .filter(|(_, used)| !used)
-        .map(|(what, _)| Skipped { what: what.into(), why: "absent, or the same at every pixel".into() })
+        .map(|(what, _)| Skipped {
+            what: what.into(),
+            why: "absent, nowhere finite, or the same at every pixel".into(),
+        })
         .collect();
     if prepared.plan.active_share < 1.0 {
         let why =

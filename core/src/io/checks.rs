@@ -4,6 +4,7 @@ use crate::error::{Error, Purpose};
 use crate::frame::{Buffer, Frame, Role};
 use crate::image::Image;
 use crate::io::resolve::Resolution;
+use crate::prepare::unusable_features;
 use std::f64::consts::FRAC_PI_2;
 
 /// Correlation of the halves' noise above which the user is warned. Independent halves of the renders at hand
@@ -23,21 +24,41 @@ pub(crate) fn check_frame(frame: &mut Frame, resolution: &Resolution) -> Result<
     check_identical(frame, resolution)?;
     let mut warnings = lossy_inputs(resolution);
     warnings.extend(absent_roles(frame));
+    warnings.extend(unusable_roles(frame));
     warnings.extend(correlated(frame));
     frame.warnings.extend(warnings);
     Ok(())
 }
 
+/// Colour without one finite value leaves nothing to correct, or to start from.
 fn check_finite(frame: &Frame, resolution: &Resolution) -> Result<(), Error> {
-    for (half, buffer) in [(&frame.a, Buffer::A), (&frame.b, Buffer::B)] {
-        for (image, role) in [(&half.radiance, Role::Radiance), (&half.denoised, Role::Denoised)] {
-            if !image.data().iter().any(|value| value.is_finite()) {
-                let path = path_of(resolution, role, buffer);
-                return Err(Error::NothingFinite { path, purpose: Purpose::Role(role, buffer) });
-            }
+    let colours = [
+        (Some(&frame.a.radiance), Role::Radiance, Buffer::A),
+        (Some(&frame.b.radiance), Role::Radiance, Buffer::B),
+        (Some(&frame.a.denoised), Role::Denoised, Buffer::A),
+        (Some(&frame.b.denoised), Role::Denoised, Buffer::B),
+        (frame.denoised.as_ref(), Role::Denoised, Buffer::Full),
+    ];
+    for (image, role, buffer) in colours {
+        let nothing = |c: &usize| image.is_some_and(|i| !i.plane(*c).iter().any(|value| value.is_finite()));
+        if let Some(c) = (0..3).find(nothing) {
+            let source = frame.sources.iter().find(|source| (source.role, source.buffer) == (role, buffer));
+            let channel = source.and_then(|source| source.channels.get(c)).cloned().unwrap_or_default();
+            let path = path_of(resolution, role, buffer);
+            return Err(Error::NothingFinite { path, purpose: Purpose::Role(role, buffer), channel });
         }
     }
     Ok(())
+}
+
+/// Optional features that count as absent because they are nowhere finite.
+fn unusable_roles(frame: &Frame) -> Vec<String> {
+    let unusable = unusable_features(frame);
+    [(Role::Albedo, unusable.albedo), (Role::Normal, unusable.normal), (Role::Visibility, unusable.visibility)]
+        .iter()
+        .filter(|(_, is_unusable)| *is_unusable)
+        .map(|(role, _)| format!("no pixel of the {role} is finite in both halves: it counts as absent"))
+        .collect()
 }
 
 /// Equal halves carry no information about the noise. A wholly black frame is left alone: it is equal because
