@@ -33,7 +33,7 @@ const PARAMETER_NAMES: [&str; 16] = [
 ];
 
 /// Most convolutions that are read: far above any use.
-pub(crate) const MAX_LAYERS: usize = 32;
+pub const MAX_LAYERS: usize = 32;
 /// Sizes that the kernels serve.
 pub(crate) const MAX_HIDDEN: usize = MAX_CHANNELS;
 pub(crate) const MAX_WINDOW_RADIUS: usize = MAX_RADIUS;

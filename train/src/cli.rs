@@ -73,6 +73,11 @@ pub struct FitArgs {
     /// Seed of weights and tiles: the same seed gives the same picture on the same machine.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// Change one setting of the preset, for experiments, e.g. --set window=15: window, hidden, layers,
+    /// combination, gate, influence, tile, batch, rate, skip or composition. A wrong value is told
+    /// what is allowed. Repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub changes: Vec<String>,
     /// Training steps instead of the preset's.
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,

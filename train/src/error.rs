@@ -20,6 +20,9 @@ pub enum Error {
     #[error("cannot write the report: {0}")]
     Report(serde_json::Error),
 
+    #[error(transparent)]
+    Setting(#[from] crate::experiment::Error),
+
     #[error("{0}")]
     Arguments(String),
 
@@ -31,7 +34,7 @@ impl Error {
     /// 2 bad arguments, 3 bad input, 4 a failed run, 130 interrupted.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Arguments(_) => 2,
+            Error::Arguments(_) | Error::Setting(_) => 2,
             Error::Core(error) => match error.kind() {
                 ErrorKind::Arguments => 2,
                 ErrorKind::Input => 3,

@@ -75,10 +75,12 @@ pub struct Fitted {
 /// The network that training of `settings` starts from.
 pub fn starting_network(settings: &Settings) -> Network {
     let rng = &mut Rng::new(settings.seed);
-    match settings.start {
+    let mut network = match settings.start {
         Start::Random => start::paper(settings.shape, rng),
         Start::Analytic { gate } => start::analytic(settings.shape, gate, rng),
-    }
+    };
+    settings.combination.fix(&mut network);
+    network
 }
 
 /// The objective of one frame under `settings`.
@@ -87,7 +89,7 @@ pub fn objective(prepared: &Prepared, settings: &Settings) -> Arc<Objective> {
 }
 
 /// Adam moves every weight by about the rate: above this a network of weights near 0.1 is lost.
-const LARGEST_RATE: f64 = 0.1;
+pub const LARGEST_RATE: f64 = 0.1;
 
 /// `factor` · √mean((y^a - y^b)² / 4), the paper's learning rate from the frame's noise, at most 0.1.
 pub fn noise_scaled_rate(factor: f64, prepared: &[&Prepared]) -> f64 {
@@ -155,7 +157,8 @@ pub fn fit(
             shape,
             isa,
         };
-        let loss = batch.loss(batch.outputs(model.weights()), settings.influence);
+        let outputs = settings.combination.hold(batch.outputs(model.weights()));
+        let loss = batch.loss(outputs, settings.influence);
         let value = f64::from(loss.clone().into_scalar::<f32>());
         let rate = guard.brake() * rate_at(settings, noise_rate, step, steps, limits.elapsed_share(start));
         let gradients = GradientsParams::from_grads(loss.backward(), &model);

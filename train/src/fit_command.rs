@@ -2,6 +2,7 @@
 
 use crate::cli::FitArgs;
 use crate::error::Error;
+use crate::experiment;
 use crate::fit::{Control, Fitted, Limits, fit, starting_network};
 use crate::inputs::{Input, frame_files, read, read_shot};
 use crate::interrupt::interrupted;
@@ -30,6 +31,7 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
     let start = Instant::now();
     let mut progress = Progress::new(args.quiet);
     let mut settings = Settings::of(args.preset, args.seed);
+    experiment::apply(&args.changes, &mut settings, args.init.is_some())?;
     let initial = match &args.init {
         Some(path) => crate::init::load(path, &mut settings)?,
         None => starting_network(&settings),
@@ -87,12 +89,17 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
 }
 
 /// A frame in the method's units, with the features that the settings allow. The paper computes
-/// every pixel, but its rate leaves nothing to compute where no pixel has noise.
+/// every pixel, but its rate leaves nothing to compute where no pixel has noise. Features kept
+/// without need stay zeros, so that the picture is the same.
 fn prepare(input: &Input, settings: &Settings) -> Prepared {
     let survey = Survey::of(&input.frame, settings.exposure).with_features_of(settings.features);
     let mut prepared = Prepared::by_survey(&input.frame, survey);
-    if settings.composition == Composition::MeanOfHalves && prepared.plan.active_share > 0.0 {
+    let whole = settings.composition == Composition::MeanOfHalves || !settings.skip.blocks;
+    if whole && prepared.plan.active_share > 0.0 {
         prepared.plan = Plan::everything(prepared.height(), prepared.width());
+    }
+    if !settings.skip.features {
+        prepared.set = settings.features;
     }
     prepared
 }

@@ -1,5 +1,7 @@
 //! Presets: how a corrector is started and trained.
 
+use crate::combination::Combination;
+use crate::experiment::Skip;
 use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
 use sspc_core::gc::PAPER_RADIUS;
@@ -69,6 +71,7 @@ pub struct Settings {
     pub radius: usize,
     pub exposure: Exposure,
     pub start: Start,
+    pub combination: Combination,
     pub sampling: Sampling,
     /// Side of a tile in pixels; smaller pictures are one tile.
     pub tile: usize,
@@ -85,6 +88,10 @@ pub struct Settings {
     pub composition: Composition,
     /// Features that may take part: all, or those of the model that training starts from.
     pub features: FeatureSet,
+    /// What of a frame is left out where it needs no work.
+    pub skip: Skip,
+    /// Settings that are not the preset's own, KEY=VALUE.
+    pub changes: Vec<String>,
     pub seed: u64,
 }
 
@@ -102,6 +109,7 @@ impl Settings {
             radius: PAPER_RADIUS,
             exposure: Exposure::Normalised,
             start: Start::Analytic { gate: 0.7 },
+            combination: Combination::PostCorrection,
             sampling: Sampling::Random,
             tile: 48,
             batch: 8,
@@ -111,6 +119,8 @@ impl Settings {
             influence: 1.0,
             composition: Composition::JudgedFullBuffer,
             features: FeatureSet::ALL,
+            skip: Skip::ALL,
+            changes: Vec::new(),
             seed,
         };
         match preset {

@@ -154,12 +154,15 @@ pub fn settings_json(settings: &Settings) -> serde_json::Value {
         "form": settings.form,
         "network": settings.shape,
         "window_radius": settings.radius,
+        "combination": settings.combination,
         "start": format!("{:?}", settings.start),
         "sampling": format!("{:?}", settings.sampling),
         "tile": settings.tile,
         "batch": settings.batch,
         "rate": format!("{:?}", settings.rate),
         "influence": settings.influence.is_finite().then_some(settings.influence),
+        "skip": settings.skip,
+        "changed": settings.changes,
     })
 }
 

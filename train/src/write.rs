@@ -93,6 +93,9 @@ fn model(
     contract.tool = concat!("sspc-train ", env!("CARGO_PKG_VERSION")).into();
     contract.preset = args.preset.to_string();
     contract.steps = fitted.history.len() as u64;
+    if !settings.changes.is_empty() {
+        contract.extra.insert("settings_changed".into(), settings.changes.join(" "));
+    }
     Ok(Model::new(contract, fitted.network.weights.clone())?)
 }
 

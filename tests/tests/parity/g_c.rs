@@ -5,8 +5,10 @@ use super::closeness::{Relative, assert_close, assert_sensitive, compare, larges
 use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
 use sspc_core::gc::{ParameterPlanes, Region, Taps, Upstream, backward, forward};
 use sspc_core::image::Image;
+use sspc_core::network::{Network, Shape};
 use sspc_core::parameters::{Form, activate, activate_backward};
 use sspc_core::simd::{Isa, MAX_LANES, Simd};
+use sspc_train::combination::Combination;
 
 /// 361 weights of a few roundings each (exp2, log2), averaged: below 1e-6 of the sum's terms, and
 /// a sum's terms are up to ten times the sum; beyond that see [`Relative::ToTerms`].
@@ -197,5 +199,30 @@ fn a_wrong_constant_of_any_parameter_is_caught() {
                 compare("perturbed", &part, found, Relative::ToScale(largest(&part)), GRADIENT).is_err()
             })
         });
+    }
+}
+
+/// f_c as the trainer makes it: the slopes of the case replaced by the biases that hold them.
+#[test]
+fn the_trainers_f_c_is_the_cases() {
+    let case = Case::load("fc").unwrap_or_else(|error| panic!("{error}"));
+    let setup = Setup::new(&case);
+    let shape = Shape::paper(setup.form);
+    let mut network = Network { shape, weights: vec![1.0; shape.parameter_count()] };
+    Combination::DeepCombiner.fix(&mut network);
+    let (kernel, bias) = network.layer(shape.layers - 1);
+    let (pixels, slopes) = (setup.region.pixels(), 9);
+    assert!(kernel[..slopes * kernel.len() / shape.outputs].iter().all(|w| *w == 0.0), "the slopes see nothing");
+    let mut raw = setup.raw.clone();
+    for (plane, bias) in raw.chunks_exact_mut(pixels).zip(bias).take(slopes) {
+        plane.fill(*bias);
+    }
+    let size = [3, setup.region.height, setup.region.width];
+    let (expected, magnitude) = (case.get("mu_hat", &size), &case.get("magnitude", &size).values);
+    for isa in Isa::available() {
+        let mut activated = raw.clone();
+        activate(isa, setup.form, &mut activated);
+        let found = setup.correct(isa, setup.form, &activated);
+        assert_close(&format!("fc {}", isa.name()), expected, &found, Relative::ToTerms { magnitude }, FORWARD);
     }
 }

@@ -1,0 +1,137 @@
+//! Which combination function is trained: g_c, or f_c of Deep Combiner as its special case.
+//!
+//! f_c is g_c with β^z = 1 and β^ρ = β^n = 0 at every pixel. Its model is an ordinary one: the rows of
+//! the last layer that belong to the slopes hold no weights, and biases whose activations are these
+//! numbers exactly. Their gradient is held at zero, so Adam never moves them, and nothing flows
+//! through them to the layers below.
+
+use crate::operation::{Operation, Pullback, differentiable};
+use burn::tensor::Tensor;
+use sspc_core::network::{KERNEL, Network};
+use sspc_core::parameters::{SLOPE_COUNT, SLOPES};
+use std::sync::Arc;
+
+/// Slopes of z among the slopes.
+const DENOISED_SLOPES: usize = 3;
+/// tanh of this is 1 in f32: the difference, 2 e^-40, is far below half a unit in the last place.
+const SATURATED: f32 = 20.0;
+
+/// A combination function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum Combination {
+    /// g_c (Eq. 10): the network says all slopes.
+    #[serde(rename = "gc")]
+    PostCorrection,
+    /// f_c (Back et al. 2020): β^z = 1, β^ρ = β^n = 0.
+    #[serde(rename = "fc")]
+    DeepCombiner,
+}
+
+impl Combination {
+    /// Makes `network` one of this function.
+    pub fn fix(self, network: &mut Network) {
+        if self == Combination::PostCorrection {
+            return;
+        }
+        let last = network.shape.layers - 1;
+        let (inputs, outputs) = network.shape.channels(last);
+        let start = network.shape.layer_start(last);
+        let kernel = inputs * KERNEL * KERNEL;
+        let (kernels, biases) = network.weights[start..].split_at_mut(outputs * kernel);
+        kernels[SLOPES * kernel..(SLOPES + SLOPE_COUNT) * kernel].fill(0.0);
+        let (denoised, others) = biases[SLOPES..SLOPES + SLOPE_COUNT].split_at_mut(DENOISED_SLOPES);
+        denoised.fill(SATURATED);
+        others.fill(0.0);
+    }
+
+    /// Network outputs `[tiles, P, h, w]` as they are, but without a gradient where the function
+    /// holds a parameter.
+    pub fn hold(self, outputs: Tensor<4>) -> Tensor<4> {
+        match self {
+            Combination::PostCorrection => outputs,
+            Combination::DeepCombiner => {
+                let shape = outputs.dims();
+                differentiable(outputs, Arc::new(HoldSlopes { shape }))
+            }
+        }
+    }
+}
+
+/// The identity, with a gradient of zero for the slopes.
+struct HoldSlopes {
+    /// Tiles, parameters, height, width.
+    shape: [usize; 4],
+}
+
+impl Operation for HoldSlopes {
+    fn forward(&self, outputs: &[f32]) -> (Vec<f32>, Vec<usize>, Pullback) {
+        let [_, parameters, height, width] = self.shape;
+        let pixels = height * width;
+        let pullback = move |upstream: &[f32]| {
+            let mut gradient = upstream.to_vec();
+            for tile in gradient.chunks_exact_mut((parameters * pixels).max(1)) {
+                tile[SLOPES * pixels..(SLOPES + SLOPE_COUNT) * pixels].fill(0.0);
+            }
+            gradient
+        };
+        (outputs.to_vec(), self.shape.to_vec(), Arc::new(pullback))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::Backend;
+    use crate::fit::{Control, Limits, fit};
+    use crate::preset::{Preset, Settings};
+    use sspc_core::corrector::parameters;
+    use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
+    use sspc_core::image::Image;
+    use sspc_core::network::start;
+    use sspc_core::plan::Plan;
+    use sspc_core::prepare::{Findings, Prepared};
+    use sspc_core::rng::Rng;
+    use sspc_core::simd::Isa;
+
+    fn noise(rng: &mut Rng) -> Prepared {
+        let (height, width) = (20, 23);
+        let halves = [0, 1].map(|_| Image::from_fn(FEATURE_CHANNELS, height, width, |_, _, _| rng.uniform()));
+        Prepared {
+            exposure: 1.0,
+            denoised: Image::filled(3, height, width, 0.5),
+            halves,
+            valid: None,
+            set: FeatureSet::ALL,
+            plan: Plan::everything(height, width),
+            found: Findings::default(),
+        }
+    }
+
+    /// Fails when any gradient reaches the slopes' rows: Adam would move them by about the rate.
+    #[test]
+    fn the_slopes_of_f_c_are_one_and_zero_after_training() {
+        let rng = &mut Rng::new(7);
+        let frame = noise(rng);
+        let settings = Settings {
+            combination: Combination::DeepCombiner,
+            tile: 16,
+            batch: 2,
+            ..Settings::of(Preset::Balanced, 1)
+        };
+        let mut initial = start::analytic(settings.shape, 0.7, rng);
+        settings.combination.fix(&mut initial);
+        let limits = Limits { steps: Some(6), time: None };
+        let observe = |_: &_| Control::Continue;
+        let fitted = fit(&[&frame], &settings, initial.clone(), &limits, Backend::Flex, Isa::best(), observe);
+        let moved = initial.weights.iter().zip(&fitted.network.weights).filter(|(a, b)| a != b).count();
+        assert!(moved > initial.weights.len() / 2, "only {moved} of {} weights were trained", initial.weights.len());
+        for isa in Isa::available() {
+            let planes = parameters(isa, settings.form, &fitted.network, &frame.halves[0], &frame.plan);
+            for slope in SLOPES..SLOPES + SLOPE_COUNT {
+                let expected = if slope < DENOISED_SLOPES { 1.0 } else { 0.0 };
+                assert!(planes.plane(slope).iter().all(|v| *v == expected), "{}: slope {slope}", isa.name());
+            }
+            assert!(planes.plane(SLOPE_COUNT).iter().any(|v| *v != planes.plane(SLOPE_COUNT)[0]), "bandwidths vary");
+        }
+    }
+}
