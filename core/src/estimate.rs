@@ -9,10 +9,11 @@
 //! y^a and y^b, by some twenty thousand numbers from some million, so they lean a little towards the
 //! correction; and where few pixels carry most of the variance they are as uncertain as they say.
 
-use crate::features::RADIANCE;
+use crate::features::{DENOISED, RADIANCE};
 use crate::image::Image;
-use crate::objective::{RELATIVE_FLOOR, relative_weight};
+use crate::objective::RELATIVE_FLOOR;
 use crate::prepare::Prepared;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Side of the blocks whose scatter gives a standard error: noise is nearly independent between them.
@@ -65,7 +66,7 @@ impl Blocks {
 /// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units, over `rows`.
 pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
     sum_blocks(prepared, RELATIVE_FLOOR, rows, |i, weights| {
-        (0..2).map(|h| 0.5 * f64::from(weights[h][i]) * squared_to(prepared, &pair[h], h, i)).sum()
+        (0..2).map(|h| 0.5 * f64::from(weights[h]) * squared_to(prepared, &pair[h], h, i)).sum()
     })
 }
 
@@ -84,7 +85,7 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<
                         (p - q) * (p + q - 2.0 * y)
                     })
                     .sum();
-                0.5 * f64::from(weights[h][i]) * product
+                0.5 * f64::from(weights[h]) * product
             })
             .sum()
     })
@@ -97,10 +98,10 @@ pub fn estimate(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Bloc
     sum_blocks(prepared, floor, rows, |i, weights| {
         let mut sum = 0.0;
         for h in 0..2 {
-            sum += 0.5 * f64::from(weights[h][i]) * (squared_to(prepared, &pair[h], h, i) - variance(prepared, i));
+            sum += 0.5 * f64::from(weights[h]) * (squared_to(prepared, &pair[h], h, i) - variance(prepared, i));
         }
         let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
-        sum - 0.25 * 0.5 * f64::from(weights[0][i] + weights[1][i]) * apart
+        sum - 0.25 * 0.5 * f64::from(weights[0] + weights[1]) * apart
     })
 }
 
@@ -116,32 +117,37 @@ fn variance(prepared: &Prepared, i: usize) -> f64 {
     (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum()
 }
 
-/// Sums over the valid pixels of `rows` and three channels.
+/// Sums over the valid pixels of `rows` and three channels of `value(pixel, weights of both halves)`.
 fn sum_blocks(
     prepared: &Prepared,
     floor: f32,
     rows: Range<usize>,
-    value: impl Fn(usize, &[&[f32]; 2]) -> f64,
+    value: impl Fn(usize, [f32; 2]) -> f64 + Sync,
 ) -> Blocks {
     let width = prepared.width();
-    // The weights for half h come from the other half.
-    let weights = [1, 0].map(|other| relative_weight(&prepared.halves[other], prepared.valid.as_ref(), floor));
-    let weights = [weights[0].plane(0), weights[1].plane(0)];
-    let mut blocks: Vec<(f64, f64)> = Vec::new();
-    for top in rows.clone().step_by(BLOCK) {
+    let weight = |half: usize, i: usize| {
+        let z: f32 = (0..3).map(|k| prepared.halves[half].plane(DENOISED + k)[i]).sum::<f32>() / 3.0;
+        1.0 / (z * z + floor)
+    };
+    let row_of_blocks = |top: usize| {
+        let mut blocks = Vec::with_capacity(width.div_ceil(BLOCK));
         for left in (0..width).step_by(BLOCK) {
             let (mut sum, mut count) = (0.0, 0.0);
             for y in top..(top + BLOCK).min(rows.end) {
                 for x in left..(left + BLOCK).min(width) {
                     let i = y * width + x;
                     if prepared.is_valid(i) {
-                        sum += value(i, &weights);
+                        // The weights for half h come from the other half.
+                        sum += value(i, [weight(1, i), weight(0, i)]);
                         count += 3.0;
                     }
                 }
             }
             blocks.push((sum, count));
         }
-    }
-    Blocks(blocks)
+        blocks
+    };
+    let tops: Vec<usize> = rows.clone().step_by(BLOCK).collect();
+    let blocks: Vec<Vec<(f64, f64)>> = tops.into_par_iter().map(row_of_blocks).collect();
+    Blocks(blocks.concat())
 }

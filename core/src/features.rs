@@ -3,6 +3,7 @@
 
 use crate::image::Image;
 use crate::simd::MAX_LANES;
+use rayon::prelude::*;
 
 /// y(3) ρ(3) v(1) n(3) z(3).
 pub const FEATURE_CHANNELS: usize = 13;
@@ -60,6 +61,9 @@ impl FeatureSet {
 /// Radius of the largest window Ω_c that [`Windows`] can serve: 25 x 25 pixels.
 pub const MAX_RADIUS: usize = 12;
 
+/// Rows that are padded by one thread at a time.
+const ROWS_A_JOB: usize = 16;
+
 /// The 13 feature planes of a picture with mirrored borders (the edge pixel repeated), from which
 /// every window Ω_c can be read without a bounds check, and the mask of missing pixels.
 #[derive(Clone, Debug)]
@@ -83,17 +87,35 @@ impl Windows {
     /// When the features have other channels, or the radius exceeds [`MAX_RADIUS`].
     pub fn new(features: &Image, valid: Option<&Image>, set: FeatureSet, radius: usize) -> Self {
         assert_eq!(features.channels(), FEATURE_CHANNELS, "feature channels");
+        let fill = |c: usize, y: usize, row: &mut [f32]| row.copy_from_slice(features.row(c, y));
+        Self::from_rows(features.height(), features.width(), fill, valid, set, radius)
+    }
+
+    /// The same of a picture of which `fill(channel, y, row)` gives the rows, on all threads.
+    pub fn from_rows(
+        height: usize,
+        width: usize,
+        fill: impl Fn(usize, usize, &mut [f32]) + Sync,
+        valid: Option<&Image>,
+        set: FeatureSet,
+        radius: usize,
+    ) -> Self {
         assert!(radius <= MAX_RADIUS, "window radius {radius} above {MAX_RADIUS}");
-        let (height, width) = (features.height(), features.width());
         // A vector that starts at the last pixel and looks `radius` to the right stays inside.
         let stride = width + 2 * radius + MAX_LANES;
-        let plane = (height + 2 * radius) * stride;
+        let rows = height + 2 * radius;
+        let plane = rows * stride;
         let planes = FEATURE_CHANNELS + usize::from(valid.is_some());
         let mut data = vec![0.0; planes * plane];
-        for (c, padded) in data.chunks_exact_mut(plane).enumerate() {
-            let source = if c < FEATURE_CHANNELS { features.plane(c) } else { valid.map_or(&[][..], |v| v.plane(0)) };
-            pad_mirrored(source, height, width, radius, stride, padded);
-        }
+        data.par_chunks_exact_mut(stride).with_min_len(ROWS_A_JOB).enumerate().for_each(|(row, padded)| {
+            let (c, y) = (row / rows, mirrored((row % rows) as isize - radius as isize, height));
+            let inside = &mut padded[radius..radius + width];
+            match valid.filter(|_| c == FEATURE_CHANNELS) {
+                Some(valid) => inside.copy_from_slice(valid.row(0, y)),
+                None => fill(c, y, inside),
+            }
+            mirror_sides(padded, width, radius);
+        });
         Self { height, width, radius, stride, plane, set, data, masked: valid.is_some() }
     }
 
@@ -151,12 +173,9 @@ pub fn mirrored(i: isize, n: usize) -> usize {
     (if m < n { m } else { 2 * n - 1 - m }) as usize
 }
 
-fn pad_mirrored(source: &[f32], height: usize, width: usize, radius: usize, stride: usize, out: &mut [f32]) {
-    let columns: Vec<usize> = (0..stride).map(|x| mirrored(x as isize - radius as isize, width)).collect();
-    for (y, row) in out.chunks_exact_mut(stride).enumerate() {
-        let from = &source[mirrored(y as isize - radius as isize, height) * width..][..width];
-        for (value, &x) in row.iter_mut().zip(&columns) {
-            *value = from[x];
-        }
+/// Completes a padded row whose pixels `radius..radius + width` are there.
+fn mirror_sides(row: &mut [f32], width: usize, radius: usize) {
+    for x in (0..radius).chain(radius + width..row.len()) {
+        row[x] = row[radius + mirrored(x as isize - radius as isize, width)];
     }
 }

@@ -13,14 +13,14 @@
 
 use crate::corrector::correct;
 use crate::estimate::{self, Blocks, Estimate, Losses};
-use crate::features::{DENOISED, Windows};
+use crate::features::{DENOISED, RADIANCE, Windows};
 use crate::frame::Frame;
 use crate::gc::Taps;
 use crate::image::Image;
 use crate::objective::{RELATIVE_FLOOR, relative_weight, triple};
 use crate::parameters::Form;
 use crate::plan::Plan;
-use crate::prepare::Prepared;
+use crate::prepare::{Buffer, Prepared};
 use crate::simd::Isa;
 use crate::smooth::box_mean;
 use std::ops::Range;
@@ -170,27 +170,31 @@ pub fn finish_rows(
     parameters: [&Image; 2],
     rows: Range<usize>,
 ) -> Part {
-    let corrected = |features: &Image, h: usize, plan: &Plan| {
-        let windows = Windows::new(features, prepared.valid.as_ref(), prepared.set, taps.radius());
+    let corrected = |h: usize, buffer: Buffer, plan: &Plan| {
+        let (height, width) = (prepared.height(), prepared.width());
+        let fill = |c: usize, y: usize, row: &mut [f32]| prepared.feature_row(h, buffer, c, y, row);
+        let windows = Windows::from_rows(height, width, fill, prepared.valid.as_ref(), prepared.set, taps.radius());
         correct(isa, form, &windows, taps, parameters[h], plan)
     };
     let finished = prepared.plan.within_rows(rows.clone());
     let judged = prepared.plan.within_rows(judged_rows(composition, &rows, prepared.height()));
-    let halves: Vec<Image> = (0..2).map(|h| corrected(&prepared.halves[h], h, &judged)).collect();
+    let halves: Vec<Image> = (0..2).map(|h| corrected(h, Buffer::Half, &judged)).collect();
     let (mut correction, share) = match composition {
         Composition::MeanOfHalves => {
             (Image::mean_of(&halves[0], &halves[1]), Image::filled(1, prepared.height(), prepared.width(), 1.0))
         }
         Composition::JudgedFullBuffer => {
-            let full = [0, 1].map(|h| corrected(&prepared.with_full_buffer(h), h, &finished));
+            let full = [0, 1].map(|h| corrected(h, Buffer::Full, &finished));
             (Image::mean_of(&full[0], &full[1]), Evidence::of(prepared, &halves).share())
         }
     };
-    let pixels = share.pixels();
-    for (i, c) in correction.data_mut().iter_mut().enumerate() {
-        let kept = if prepared.is_valid(i % pixels) { share.data()[i % pixels] } else { 0.0 };
-        *c = kept * (*c - prepared.denoised.data()[i]);
-    }
+    correction.for_each_row(|c, y, row| {
+        let (share, z) = (share.row(0, y), prepared.denoised.row(c, y));
+        for (x, v) in row.iter_mut().enumerate() {
+            let kept = if prepared.is_valid(y * share.len() + x) { share[x] } else { 0.0 };
+            *v = kept * (*v - z[x]);
+        }
+    });
     let blended: Vec<Image> = (0..2).map(|h| blend(prepared, &halves[h], &share, h)).collect();
     let denoised: Vec<Image> = (0..2).map(|h| triple(&prepared.halves[h], DENOISED)).collect();
     let tally = Tally {
@@ -222,12 +226,11 @@ pub fn picture_of(frame: &Frame, exposure: f32, missing: bool, correction: &Imag
         }
     };
     let inverse = 1.0 / exposure;
-    let mut out = base.clone();
-    for (x, c) in out.data_mut().iter_mut().zip(correction.data()) {
-        if *c != 0.0 {
-            *x = (x.max(0.0) + c * inverse).max(0.0);
+    let mut out = Image::from_rows(3, base.height(), base.width(), |k, y, row| {
+        for ((x, z), c) in row.iter_mut().zip(base.row(k, y)).zip(correction.row(k, y)) {
+            *x = if *c != 0.0 { (z.max(0.0) + c * inverse).max(0.0) } else { *z };
         }
-    }
+    });
     if missing {
         crate::fill::fill_missing(&mut out, frame);
     }
@@ -245,36 +248,37 @@ struct Evidence {
 impl Evidence {
     fn of(prepared: &Prepared, halves: &[Image]) -> Self {
         let (height, width) = (prepared.height(), prepared.width());
-        let mut agreement = Image::zeros(1, height, width);
-        let mut size = Image::zeros(1, height, width);
-        for h in 0..2 {
-            let (own, other) = (&prepared.halves[h], &prepared.halves[1 - h]);
-            let weight = relative_weight(other, prepared.valid.as_ref(), RELATIVE_FLOOR);
-            for k in 0..3 {
-                let z = own.plane(DENOISED + k);
-                for i in 0..height * width {
-                    let d = halves[h].plane(k)[i] - z[i];
-                    let r = other.plane(k)[i] - z[i];
-                    agreement.data_mut()[i] += weight.data()[i] * r * d;
-                    size.data_mut()[i] += weight.data()[i] * d * d;
+        let weights = [0, 1].map(|h| relative_weight(&prepared.halves[1 - h], prepared.valid.as_ref(), RELATIVE_FLOOR));
+        let sum = |of: fn(f32, f32) -> f32| {
+            Image::from_rows(1, height, width, |_, y, row| {
+                for (h, k) in (0..2).flat_map(|h| (0..3).map(move |k| (h, k))) {
+                    let (own, other) = (&prepared.halves[h], &prepared.halves[1 - h]);
+                    let (z, target, weight) =
+                        (own.row(DENOISED + k, y), other.row(RADIANCE + k, y), weights[h].row(0, y));
+                    let corrected = halves[h].row(k, y);
+                    for x in 0..width {
+                        let d = corrected[x] - z[x];
+                        row[x] += weight[x] * of(target[x] - z[x], d) * d;
+                    }
                 }
-            }
-        }
-        Self { agreement, size }
+            })
+        };
+        Self { agreement: sum(|r, _| r), size: sum(|_, d| d) }
     }
 
     /// min(1, (Σ w r·d + standard error) / Σ w d²), floored at 0.
     fn share(&self) -> Image {
         // Squares of more than this would overflow f32.
-        let squared = self.agreement.data().iter().map(|v| v.clamp(-1e18, 1e18).powi(2)).collect();
-        let squared = Image::from_planes(1, self.size.height(), self.size.width(), squared);
+        let squared = Image::from_rows(1, self.size.height(), self.size.width(), |_, y, row| {
+            row.iter_mut().zip(self.agreement.row(0, y)).for_each(|(s, v)| *s = v.clamp(-1e18, 1e18).powi(2));
+        });
         let pool = |image: &Image| box_mean(&box_mean(image, JUDGE_RADIUS), JUDGE_RADIUS);
         let (agreement, size, squared) = (pool(&self.agreement), pool(&self.size), pool(&squared));
         // Share of a pixel's neighbourhood that lies inside the picture, along one side.
         let inside = |i: usize, n: usize| {
             ((i + JUDGE_RADIUS + 1).min(n) - i.saturating_sub(JUDGE_RADIUS)) as f64 / (2 * JUDGE_RADIUS + 1) as f64
         };
-        Image::from_fn(1, size.height(), size.width(), |_, y, x| {
+        let share = |y: usize, x: usize| {
             let d = f64::from(size.at(0, y, x));
             if d <= 0.0 {
                 return 0.0;
@@ -282,20 +286,19 @@ impl Evidence {
             let samples = (JUDGE_SAMPLES * inside(y, size.height()) * inside(x, size.width())).max(1.0);
             let error = (f64::from(squared.at(0, y, x)).max(0.0) / samples).sqrt();
             ((f64::from(agreement.at(0, y, x)) + JUDGE_DOUBT * error) / d).clamp(0.0, 1.0) as f32
+        };
+        Image::from_rows(1, size.height(), size.width(), |_, y, row| {
+            row.iter_mut().enumerate().for_each(|(x, s)| *s = share(y, x));
         })
     }
 }
 
 /// z + share (μ̂ - z) of half `h`.
 fn blend(prepared: &Prepared, corrected: &Image, share: &Image, h: usize) -> Image {
-    let pixels = share.pixels();
-    let mut out = corrected.clone();
-    for k in 0..3 {
-        let z = prepared.halves[h].plane(DENOISED + k);
-        for i in 0..pixels {
-            let x = &mut out.plane_mut(k)[i];
-            *x = (z[i] + share.data()[i] * (*x - z[i])).max(0.0);
+    Image::from_rows(3, share.height(), share.width(), |k, y, row| {
+        let (z, corrected, share) = (prepared.halves[h].row(DENOISED + k, y), corrected.row(k, y), share.row(0, y));
+        for (x, out) in row.iter_mut().enumerate() {
+            *out = (z[x] + share[x] * (corrected[x] - z[x])).max(0.0);
         }
-    }
-    out
+    })
 }

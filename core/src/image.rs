@@ -1,5 +1,10 @@
 //! Planar f32 images, the one container that every stage passes on.
 
+use rayon::prelude::*;
+
+/// Fewest values that are worth another thread.
+const LEAST_SHARE: usize = 1 << 14;
+
 /// A planar image `[channels, height, width]` of f32, rows from top to bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
@@ -47,6 +52,28 @@ impl Image {
         Self { channels, height, width, data }
     }
 
+    /// Builds an image on all threads from a function that fills the row (channel, y).
+    pub fn from_rows(
+        channels: usize,
+        height: usize,
+        width: usize,
+        fill: impl Fn(usize, usize, &mut [f32]) + Sync,
+    ) -> Self {
+        let mut image = Self::zeros(channels, height, width);
+        image.for_each_row(fill);
+        image
+    }
+
+    /// Hands every row (channel, y) to `change`, on all threads.
+    pub fn for_each_row(&mut self, change: impl Fn(usize, usize, &mut [f32]) + Sync) {
+        let (height, width) = (self.height, self.width);
+        if self.data.is_empty() {
+            return;
+        }
+        let rows = self.data.par_chunks_exact_mut(width).with_min_len(LEAST_SHARE.div_ceil(width)).enumerate();
+        rows.for_each(|(row, values)| change(row / height, row % height, values));
+    }
+
     pub fn channels(&self) -> usize {
         self.channels
     }
@@ -83,9 +110,26 @@ impl Image {
         &self.data[c * self.pixels()..(c + 1) * self.pixels()]
     }
 
+    /// Row `y` of plane `c`.
+    pub fn row(&self, c: usize, y: usize) -> &[f32] {
+        &self.data[(c * self.height + y) * self.width..][..self.width]
+    }
+
     pub fn plane_mut(&mut self, c: usize) -> &mut [f32] {
         let pixels = self.pixels();
         &mut self.data[c * pixels..(c + 1) * pixels]
+    }
+
+    /// The three planes of a picture of three channels.
+    ///
+    /// # Panics
+    /// When there are other channels.
+    pub fn planes_mut(&mut self) -> [&mut [f32]; 3] {
+        assert_eq!(self.channels, 3, "channels of a picture");
+        let pixels = self.pixels();
+        let (r, rest) = self.data.split_at_mut(pixels);
+        let (g, b) = rest.split_at_mut(pixels);
+        [r, g, b]
     }
 
     pub fn at(&self, c: usize, y: usize, x: usize) -> f32 {
@@ -120,7 +164,10 @@ impl Image {
     /// The mean of two images of one shape; of finite values it is finite.
     pub fn mean_of(a: &Image, b: &Image) -> Image {
         assert!(a.same_size(b) && a.channels == b.channels, "mean of images of one shape");
-        let data = a.data.iter().zip(&b.data).map(|(a, b)| 0.5 * a + 0.5 * b).collect();
-        Image { data, ..*a }
+        Self::from_rows(a.channels, a.height, a.width, |c, y, row| {
+            for ((v, a), b) in row.iter_mut().zip(a.row(c, y)).zip(b.row(c, y)) {
+                *v = 0.5 * a + 0.5 * b;
+            }
+        })
     }
 }

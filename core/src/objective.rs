@@ -45,19 +45,21 @@ pub struct Tile {
 
 /// 1 / (z̄² + floor) of features `[13, H, W]`, 0 where a pixel is missing.
 pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> Image {
-    Image::from_fn(1, features.height(), features.width(), |_, y, x| {
-        if valid.is_some_and(|v| v.at(0, y, x) == 0.0) {
-            return 0.0;
+    Image::from_rows(1, features.height(), features.width(), |_, y, row| {
+        let z: [&[f32]; 3] = std::array::from_fn(|k| features.row(DENOISED + k, y));
+        let valid = valid.map(|v| v.row(0, y));
+        for (x, weight) in row.iter_mut().enumerate() {
+            let mean = (z[0][x] + z[1][x] + z[2][x]) / 3.0;
+            *weight = if valid.is_some_and(|v| v[x] == 0.0) { 0.0 } else { 1.0 / (mean * mean + floor) };
         }
-        let mean = (0..3).map(|k| features.at(DENOISED + k, y, x)).sum::<f32>() / 3.0;
-        1.0 / (mean * mean + floor)
     })
 }
 
 /// The three planes from `first` on.
 pub fn triple(features: &Image, first: usize) -> Image {
-    let data = (first..first + 3).flat_map(|c| features.plane(c).iter().copied()).collect();
-    Image::from_planes(3, features.height(), features.width(), data)
+    Image::from_rows(3, features.height(), features.width(), |k, y, row| {
+        row.copy_from_slice(features.row(first + k, y));
+    })
 }
 
 impl Objective {

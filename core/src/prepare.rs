@@ -25,6 +25,15 @@ pub struct Prepared {
     pub found: Findings,
 }
 
+/// Whose z, albedo, normal and visibility.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Buffer {
+    /// The half's own.
+    Half,
+    /// Of all samples.
+    Full,
+}
+
 /// Unusual pixels and features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Findings {
@@ -134,20 +143,18 @@ impl Prepared {
         self.denoised.width()
     }
 
-    /// Features of half `h` with z and the other features of the full buffer: what g_c is
-    /// evaluated on when the picture is made.
-    pub fn with_full_buffer(&self, h: usize) -> Image {
-        let mut features = self.halves[h].clone();
-        for c in ALBEDO..DENOISED {
-            let other = self.halves[1 - h].plane(c);
-            for (v, o) in features.plane_mut(c).iter_mut().zip(other) {
-                *v = 0.5 * (*v + o);
+    /// Row `y` of feature `c` of half `h`, with z and the other features of the buffer asked for; y is
+    /// always the half's. The full buffer's are what g_c is evaluated on when the picture is made.
+    pub fn feature_row(&self, h: usize, buffer: Buffer, c: usize, y: usize, row: &mut [f32]) {
+        let own = self.halves[h].row(c, y);
+        match (buffer, c) {
+            (Buffer::Full, ALBEDO..DENOISED) => {
+                let other = self.halves[1 - h].row(c, y);
+                row.iter_mut().zip(own.iter().zip(other)).for_each(|(v, (a, b))| *v = 0.5 * (a + b));
             }
+            (Buffer::Full, DENOISED..) => row.copy_from_slice(self.denoised.row(c - DENOISED, y)),
+            _ => row.copy_from_slice(own),
         }
-        for k in 0..3 {
-            features.plane_mut(DENOISED + k).copy_from_slice(self.denoised.plane(k));
-        }
-        features
     }
 
     /// Whether pixel `i` (y * width + x) counts.

@@ -3,46 +3,93 @@
 //! what leaves the window do not guarantee.
 
 use crate::image::Image;
+use rayon::prelude::*;
 
-/// Mean over the (2 radius + 1)² neighbours that lie inside the picture, f64 sums.
+/// Rows that one thread takes at a time.
+const ROWS_A_JOB: usize = 16;
+
+/// Mean over the (2 radius + 1)² neighbours that lie inside the picture, f64 sums. The same bits for
+/// any number of threads.
 pub fn box_mean(image: &Image, radius: usize) -> Image {
     let (height, width) = (image.height(), image.width());
     let mut out = Image::zeros(image.channels(), height, width);
-    let inside = |i: usize, n: usize| (i + radius + 1).min(n) - i.saturating_sub(radius);
+    if out.data().is_empty() {
+        return out;
+    }
     for c in 0..image.channels() {
-        let mut rows = Vec::with_capacity(height * width);
-        for row in image.plane(c).chunks_exact(width) {
-            let row: Vec<f64> = row.iter().map(|v| f64::from(*v)).collect();
-            rows.extend(window_sums(&row, radius));
-        }
-        for x in 0..width {
-            let column: Vec<f64> = (0..height).map(|y| rows[y * width + x]).collect();
-            for (y, sum) in window_sums(&column, radius).into_iter().enumerate() {
-                out.set(c, y, x, (sum / (inside(y, height) * inside(x, width)) as f64) as f32);
-            }
-        }
+        let rows = row_sums(image, c, radius);
+        // Output rows that begin a block of the column's windows need that block and the next one.
+        let blocks = out.plane_mut(c).par_chunks_mut((2 * radius + 1) * width).enumerate();
+        blocks.for_each(|(block, out)| column_means(&rows, height, width, radius, block, out));
     }
     out
 }
 
+/// Pixels of `0..n` within `radius` of `i`.
+fn inside(i: usize, n: usize, radius: usize) -> usize {
+    (i + radius + 1).min(n) - i.saturating_sub(radius)
+}
+
+/// Window sums along every row of a plane, `[H, W]`.
+fn row_sums(image: &Image, c: usize, radius: usize) -> Vec<f64> {
+    let (height, width) = (image.height(), image.width());
+    let mut sums = vec![0.0; height * width];
+    let rows = sums.par_chunks_exact_mut(width).with_min_len(ROWS_A_JOB).enumerate();
+    rows.for_each_init(Vec::new, |scratch, (y, sums)| window_sums(image.row(c, y), radius, scratch, sums));
+    sums
+}
+
 /// Sums over 2 radius + 1 neighbours, zero outside: every window is the end of one block of that
 /// length and the beginning of the next.
-fn window_sums(line: &[f64], radius: usize) -> Vec<f64> {
+fn window_sums(line: &[f32], radius: usize, suffix: &mut Vec<f64>, sums: &mut [f64]) {
     let (n, length) = (line.len(), 2 * radius + 1);
-    let mut prefix = vec![0.0; (n + 2 * radius).next_multiple_of(length)];
-    prefix[radius..radius + n].copy_from_slice(line);
-    let mut suffix = prefix.clone();
-    for i in 1..prefix.len() {
-        if i % length != 0 {
-            prefix[i] += prefix[i - 1];
+    // Position i of the blocks is pixel i - radius.
+    let value = |i: usize| i.checked_sub(radius).and_then(|x| line.get(x)).map_or(0.0, |&v| f64::from(v));
+    let end = (n + 2 * radius).next_multiple_of(length);
+    suffix.clear();
+    suffix.resize(end, 0.0);
+    for block in (0..end).step_by(length) {
+        let mut sum = 0.0;
+        for i in (block..block + length).rev() {
+            sum += value(i);
+            suffix[i] = sum;
         }
     }
-    for i in (0..suffix.len() - 1).rev() {
-        if (i + 1) % length != 0 {
-            suffix[i] += suffix[i + 1];
+    let mut prefix = 0.0;
+    for (x, total) in sums.iter_mut().enumerate() {
+        let last = x + 2 * radius;
+        prefix = if last % length == 0 { value(last) } else { prefix + value(last) };
+        *total = if x % length == 0 { suffix[x] } else { suffix[x] + prefix };
+    }
+}
+
+/// Means of the 2 radius + 1 rows `block * (2 radius + 1)..` (fewer at the bottom) of a plane whose
+/// rows are summed already: the same sums as along the rows, for all columns at once.
+fn column_means(rows: &[f64], height: usize, width: usize, radius: usize, block: usize, out: &mut [f32]) {
+    let length = 2 * radius + 1;
+    let first = block * length;
+    let row = |i: usize| i.checked_sub(radius).filter(|&y| y < height).map(|y| &rows[y * width..][..width]);
+    let mut suffix = vec![0.0; length * width];
+    for j in (0..length).rev() {
+        let (this, below) = suffix[j * width..].split_at_mut(width);
+        if j + 1 < length {
+            this.copy_from_slice(&below[..width]);
+        }
+        if let Some(row) = row(first + j) {
+            this.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
         }
     }
-    (0..n).map(|x| if x % length == 0 { suffix[x] } else { suffix[x] + prefix[x + 2 * radius] }).collect()
+    let mut prefix = vec![0.0; width];
+    for (j, out) in out.chunks_exact_mut(width).enumerate() {
+        if let Some(row) = row(first + j + 2 * radius).filter(|_| j > 0) {
+            prefix.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
+        }
+        let counted = inside(first + j, height, radius);
+        for (x, mean) in out.iter_mut().enumerate() {
+            let sum = suffix[j * width + x] + prefix[x];
+            *mean = (sum / (counted * inside(x, width, radius)) as f64) as f32;
+        }
+    }
 }
 
 #[cfg(test)]
