@@ -39,6 +39,8 @@ pub struct Losses {
 pub struct Estimate {
     pub denoised: Mean,
     pub corrected: Mean,
+    /// The first less the second: what they share of their uncertainty is gone.
+    pub gain: Mean,
 }
 
 /// Sums over blocks of pixels: those of a picture's bands, put after each other, are those of the
@@ -50,6 +52,11 @@ impl Blocks {
     /// Adds the blocks of the next band.
     pub fn append(&mut self, mut next: Blocks) {
         self.0.append(&mut next.0);
+    }
+
+    /// Differences from the blocks of another quantity over the same pixels.
+    pub fn less(&self, other: &Blocks) -> Blocks {
+        Blocks(self.0.iter().zip(&other.0).map(|(own, other)| (own.0 - other.0, own.1)).collect())
     }
 
     /// The mean per pixel and channel, with a standard error from the scatter of blocks.

@@ -39,6 +39,9 @@ pub struct Finished {
     pub correction: Image,
     /// Share of the correction that was kept, 0..1, `[1, H, W]`.
     pub share: Image,
+    /// Mean of both halves, corrected as far as they judge each other, in the method's units,
+    /// `[3, H, W]`: the picture that `estimate` is of.
+    pub halves: Image,
     /// Self-supervised loss, both halves, whole picture.
     pub loss: Losses,
     /// Estimated relL2, variance term included.
@@ -84,6 +87,8 @@ pub struct Part {
     pub correction: Image,
     /// Share of the correction that was kept, 0..1, `[1, rows, W]`.
     pub share: Image,
+    /// As [`Finished::halves`], the band's rows.
+    pub halves: Image,
     pub tally: Tally,
 }
 
@@ -132,7 +137,11 @@ impl Tally {
         };
         Verdict {
             loss: Losses { denoised: self.loss_denoised.mean().value, corrected: loss.mean().value },
-            estimate: Estimate { denoised: self.error_denoised.mean(), corrected: error.mean() },
+            estimate: Estimate {
+                denoised: self.error_denoised.mean(),
+                corrected: error.mean(),
+                gain: self.error_denoised.less(error).mean(),
+            },
             fallback,
         }
     }
@@ -148,14 +157,15 @@ pub fn finish(
     parameters: [&Image; 2],
 ) -> Finished {
     let rows = 0..prepared.height();
-    let Part { mut correction, mut share, tally } =
+    let Part { mut correction, mut share, mut halves, tally } =
         finish_rows(isa, form, taps, composition, prepared, parameters, rows);
     let Verdict { loss, estimate, fallback } = tally.verdict(composition);
     if fallback.is_some() {
         correction.data_mut().fill(0.0);
         share.data_mut().fill(0.0);
+        halves = Image::mean_of(&triple(&prepared.halves[0], DENOISED), &triple(&prepared.halves[1], DENOISED));
     }
-    Finished { correction, share, loss, estimate, fallback }
+    Finished { correction, share, halves, loss, estimate, fallback }
 }
 
 /// The same for some rows of a picture, or of a band of it that has [`margin`] rows above and below
@@ -205,7 +215,8 @@ pub fn finish_rows(
         error_corrected: estimate::estimate(prepared, &blended, rows.clone()),
     };
     let crop = |image: &Image| image.crop(rows.start, 0, rows.len(), image.width());
-    Part { correction: crop(&correction), share: crop(&share), tally }
+    let halves = crop(&Image::mean_of(&blended[0], &blended[1]));
+    Part { correction: crop(&correction), share: crop(&share), halves, tally }
 }
 
 /// The finished picture in the frame's own units: the denoiser's picture, bit for bit, wherever

@@ -117,7 +117,14 @@ fn correct_frame(isa: Isa, settings: &Settings, network: &Network, input: &Input
     let planes = [0, 1].map(|h| parameters(isa, settings.form, network, &prepared.halves[h], &prepared.plan));
     let finished = finish(isa, settings.form, &taps, settings.composition, prepared, [&planes[0], &planes[1]]);
     let corrected = picture(&input.frame, prepared, &finished);
-    let measure = |r| RelL2::measure(&noisy(&input.frame), &denoised(&input.frame), &corrected, r);
+    let measure = |r| {
+        RelL2::measure(&noisy(&input.frame), &denoised(&input.frame), &corrected, r).with_halves(
+            &input.frame,
+            prepared,
+            &finished,
+            r,
+        )
+    };
     let rel_l2 = input.reference.as_ref().map(measure);
     Outcome { corrected, finished, rel_l2 }
 }

@@ -5,8 +5,8 @@ use crate::preset::{Preset, Settings};
 use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::features::FeatureSet;
-use sspc_core::finish::Composition;
-use sspc_core::frame::{Reference, RoleSource};
+use sspc_core::finish::{Composition, Finished};
+use sspc_core::frame::{Frame, Reference, RoleSource};
 use sspc_core::image::Image;
 use sspc_core::metric::rel_l2;
 use sspc_core::prepare::{Findings, Prepared};
@@ -19,8 +19,19 @@ pub struct RelL2 {
     pub corrected: f64,
     /// The best that any one mix of noisy and denoised could have done: the naive competitor.
     pub best_mix: Mix,
+    /// Of the mean of both halves; None where pixels are missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub halves: Option<HalvesRelL2>,
     /// The reference's own noise was taken out by its halves.
     pub reference_noise_removed: bool,
+}
+
+/// relL2 of the pictures that the estimate of the error speaks of: means of both halves, from which
+/// the finished picture differs by the full buffer's z.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct HalvesRelL2 {
+    pub denoised: f64,
+    pub corrected: f64,
 }
 
 /// A mix z + share (y - z) and its relL2.
@@ -47,8 +58,21 @@ impl RelL2 {
             denoised: z,
             corrected: of(corrected),
             best_mix,
+            halves: None,
             reference_noise_removed: reference.halves.is_some(),
         }
+    }
+
+    /// The same with figures of the mean of both halves of `frame`, of which `finished` is made.
+    pub fn with_halves(self, frame: &Frame, prepared: &Prepared, finished: &Finished, reference: &Reference) -> Self {
+        if prepared.valid.is_some() {
+            return self;
+        }
+        let denoised = rel_l2(&Image::mean_of(&frame.a.denoised, &frame.b.denoised), reference).value;
+        let mut halves = finished.halves.clone();
+        halves.data_mut().iter_mut().for_each(|v| *v /= prepared.exposure);
+        let corrected = rel_l2(&halves, reference).value;
+        RelL2 { halves: Some(HalvesRelL2 { denoised, corrected }), ..self }
     }
 }
 

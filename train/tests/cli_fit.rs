@@ -65,6 +65,12 @@ fn a_fit_writes_picture_model_report_and_previews() {
     assert!(value("rel_l2", "corrected") < value("rel_l2", "denoised"));
     assert!(value("loss", "corrected") < value("loss", "denoised"));
     assert!(report["estimate"]["corrected"]["standard_error"].as_f64().is_some_and(|e| e > 0.0));
+    let estimate = |what: &str| report["estimate"][what]["value"].as_f64().expect("a number");
+    let difference = estimate("denoised") - estimate("corrected");
+    assert!((estimate("gain") - difference).abs() <= 1e-9 * difference.abs(), "gain is the difference");
+    // The mean of halves starts from noisier z than the full buffer's.
+    let halves = |what: &str| report["rel_l2"]["halves"][what].as_f64().expect("a number");
+    assert!(halves("corrected") < halves("denoised") && halves("denoised") > value("rel_l2", "denoised"));
     let corrected = read_picture(&out.join("corrected.exr"), None).expect("a picture");
     assert_eq!((corrected.width(), corrected.height()), (256, 192));
     assert!(corrected.data().iter().all(|v| v.is_finite() && *v >= 0.0));
