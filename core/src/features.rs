@@ -48,6 +48,15 @@ impl FeatureSet {
     pub const ALL: FeatureSet = FeatureSet { albedo: true, normal: true, visibility: true };
     pub const NONE: FeatureSet = FeatureSet { albedo: false, normal: false, visibility: false };
 
+    /// Features of this one that the other has not.
+    pub fn without(self, other: FeatureSet) -> FeatureSet {
+        FeatureSet {
+            albedo: self.albedo && !other.albedo,
+            normal: self.normal && !other.normal,
+            visibility: self.visibility && !other.visibility,
+        }
+    }
+
     /// Features of either.
     pub fn union(self, other: FeatureSet) -> FeatureSet {
         FeatureSet {

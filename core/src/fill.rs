@@ -4,19 +4,29 @@
 use crate::frame::Frame;
 use crate::image::Image;
 
-/// Replaces non-finite pixels of `picture` (`[3, H, W]`, the frame's units). Pixels that no source
-/// can fill take the mean of the nearest filled ring of neighbours; a picture without any finite
-/// pixel becomes black.
+/// Replaces non-finite pixels of `picture` (`[3, H, W]`, the frame's units): [`fill_from_sources`],
+/// then [`grow_shut`].
 pub fn fill_missing(picture: &mut Image, frame: &Frame) {
-    let (width, height) = (picture.width(), picture.height());
+    fill_from_sources(picture, frame);
+    grow_shut(picture);
+}
+
+/// Gives non-finite pixels the value of the first image of the frame that is finite there; without
+/// one they stay.
+pub fn fill_from_sources(picture: &mut Image, frame: &Frame) {
     let sources = [&frame.a.denoised, &frame.b.denoised, &frame.a.radiance, &frame.b.radiance];
-    let mut due = Vec::new();
     for i in (0..picture.pixels()).filter(|&i| !finite(picture, i)).collect::<Vec<_>>() {
-        match sources.iter().find(|source| finite(source, i)) {
-            Some(source) => set(picture, i, std::array::from_fn(|k| source.plane(k)[i].max(0.0))),
-            None => due.push(i),
+        if let Some(source) = sources.iter().find(|source| finite(source, i)) {
+            set(picture, i, std::array::from_fn(|k| source.plane(k)[i].max(0.0)));
         }
     }
+}
+
+/// Gives pixels that are still not finite the mean of the nearest filled ring of neighbours; a
+/// picture without any finite pixel becomes black.
+pub fn grow_shut(picture: &mut Image) {
+    let (width, height) = (picture.width(), picture.height());
+    let mut due: Vec<usize> = (0..picture.pixels()).filter(|&i| !finite(picture, i)).collect();
     // Ring after ring; each looks only at the neighbours of the last one.
     while !due.is_empty() {
         let filled: Vec<(usize, [f32; 3])> =

@@ -228,6 +228,15 @@ pub fn picture(frame: &Frame, prepared: &Prepared, finished: &Finished) -> Image
 /// The same from a correction `[3, H, W]` in units that are `exposure` times the frame's; `missing`
 /// says whether there are pixels to fill.
 pub fn picture_of(frame: &Frame, exposure: f32, missing: bool, correction: &Image) -> Image {
+    let mut out = unfilled_picture(frame, exposure, correction);
+    if missing {
+        crate::fill::fill_missing(&mut out, frame);
+    }
+    out
+}
+
+/// The same without filling missing pixels: what bands of a picture are put together of.
+pub fn unfilled_picture(frame: &Frame, exposure: f32, correction: &Image) -> Image {
     let mean;
     let base = match &frame.denoised {
         Some(full) => full,
@@ -237,15 +246,11 @@ pub fn picture_of(frame: &Frame, exposure: f32, missing: bool, correction: &Imag
         }
     };
     let inverse = 1.0 / exposure;
-    let mut out = Image::from_rows(3, base.height(), base.width(), |k, y, row| {
+    Image::from_rows(3, base.height(), base.width(), |k, y, row| {
         for ((x, z), c) in row.iter_mut().zip(base.row(k, y)).zip(correction.row(k, y)) {
             *x = if *c != 0.0 { (z.max(0.0) + c * inverse).max(0.0) } else { *z };
         }
-    });
-    if missing {
-        crate::fill::fill_missing(&mut out, frame);
-    }
-    out
+    })
 }
 
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.

@@ -102,6 +102,25 @@ impl Frame {
         }
     }
 
+    /// The rows `top..top + height` of the colours alone, without the features.
+    pub fn colours(&self, top: usize, height: usize) -> Frame {
+        let cut = |image: &Image| image.crop(top, 0, height, image.width());
+        let half = |h: &HalfBuffer| HalfBuffer {
+            radiance: cut(&h.radiance),
+            denoised: cut(&h.denoised),
+            albedo: None,
+            normal: None,
+            visibility: None,
+        };
+        Frame {
+            a: half(&self.a),
+            b: half(&self.b),
+            denoised: self.denoised.as_ref().map(cut),
+            sources: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
     pub fn height(&self) -> usize {
         self.a.radiance.height()
     }

@@ -120,6 +120,12 @@ impl Image {
         &mut self.data[c * pixels..(c + 1) * pixels]
     }
 
+    /// Every plane by itself.
+    pub fn all_planes_mut(&mut self) -> std::slice::ChunksExactMut<'_, f32> {
+        let pixels = self.pixels().max(1);
+        self.data.chunks_exact_mut(pixels)
+    }
+
     /// The three planes of a picture of three channels.
     ///
     /// # Panics

@@ -20,3 +20,4 @@ pub mod rng;
 pub mod sequence;
 pub mod simd;
 pub mod smooth;
+pub mod survey;

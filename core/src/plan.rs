@@ -8,6 +8,7 @@
 use crate::features::RADIANCE;
 use crate::gc::Region;
 use crate::image::Image;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows of a block.
@@ -36,14 +37,14 @@ impl Plan {
         };
         let (rows, columns) = (height.div_ceil(BLOCK_ROWS), width.div_ceil(BLOCK_COLUMNS));
         let mut plan = Self { height, width, active: vec![false; rows * columns], active_share: 0.0 };
-        let mut pixels = 0;
-        for block in 0..rows * columns {
+        let is_active = |block: usize| {
             let region = plan.block(block);
             let mut inside = (region.top..region.top + region.height)
                 .flat_map(|y| (region.left..region.left + region.width).map(move |x| y * width + x));
-            plan.active[block] = inside.any(noisy);
-            pixels += if plan.active[block] { region.pixels() } else { 0 };
-        }
+            inside.any(noisy)
+        };
+        plan.active = (0..rows * columns).into_par_iter().with_min_len(columns.max(1)).map(is_active).collect();
+        let pixels: usize = plan.active_blocks().iter().map(Region::pixels).sum();
         plan.active_share = pixels as f64 / (height * width).max(1) as f64;
         plan
     }

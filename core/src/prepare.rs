@@ -5,6 +5,9 @@ use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RA
 use crate::frame::{Frame, HalfBuffer};
 use crate::image::Image;
 use crate::plan::Plan;
+use crate::survey::validity;
+
+pub use crate::survey::{Exposure, Findings, Survey};
 
 /// A frame in the method's units.
 #[derive(Clone, Debug)]
@@ -34,78 +37,6 @@ pub enum Buffer {
     Full,
 }
 
-/// Unusual pixels and features.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Findings {
-    /// Features that are there, but at no pixel finite in both halves: they count as absent.
-    pub unusable: FeatureSet,
-    /// Pixels with NaN or Inf in any role but the unusable features.
-    pub missing_pixels: usize,
-    /// Negative colour values, clamped at 0.
-    pub negative_values: usize,
-}
-
-/// Whether radiance is brought to the method's scale.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Exposure {
-    /// As in the paper: values as they are.
-    AsIs,
-    /// One factor for both halves, from finite pixels of the denoised images only.
-    Normalised,
-}
-
-/// Mean of the darker 95 % of the positive z̄ that normalised exposure aims at: the constants of the method
-/// (0.01, log(1 + d)) are made for renders of about this brightness.
-const TARGET_MEAN: f64 = 0.25;
-/// Share of the pixels that count for exposure: emitters seen directly do not.
-const EXPOSED_SHARE: f64 = 0.95;
-
-/// What is decided once for a whole frame, however it is cut afterwards.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Survey {
-    /// As [`Prepared::exposure`].
-    pub exposure: f32,
-    /// As [`Prepared::set`].
-    pub set: FeatureSet,
-    /// As [`Prepared::found`].
-    pub found: Findings,
-}
-
-impl Survey {
-    /// Looks a frame over.
-    pub fn of(frame: &Frame, exposure: Exposure) -> Self {
-        let unusable = unusable_features(frame);
-        let valid = validity(frame, unusable);
-        let exposure = match exposure {
-            Exposure::AsIs => 1.0,
-            Exposure::Normalised => normalised_exposure(frame, &valid),
-        };
-        let set = FeatureSet {
-            albedo: !unusable.albedo && varies(frame, &valid, |h| h.albedo.as_ref()),
-            normal: !unusable.normal && varies(frame, &valid, |h| h.normal.as_ref()),
-            visibility: !unusable.visibility && varies(frame, &valid, |h| h.visibility.as_ref()),
-        };
-        let found = Findings {
-            unusable,
-            missing_pixels: valid.plane(0).iter().filter(|v| **v == 0.0).count(),
-            negative_values: colours(frame).map(|image| negative_values(image, &valid)).sum(),
-        };
-        Self { exposure, set, found }
-    }
-
-    /// The same with only those features that a model was `fitted` with: weights of others were
-    /// never trained.
-    pub fn with_features_of(self, fitted: FeatureSet) -> Self {
-        let FeatureSet { albedo, normal, visibility } = self.set;
-        let set = FeatureSet {
-            albedo: albedo && fitted.albedo,
-            normal: normal && fitted.normal,
-            visibility: visibility && fitted.visibility,
-        };
-        Self { set, ..self }
-    }
-}
-
 impl Prepared {
     /// Brings a frame into the method's units.
     pub fn new(frame: &Frame, exposure: Exposure) -> Self {
@@ -126,10 +57,9 @@ impl Prepared {
                 &mean
             }
         };
-        let mut denoised = Image::zeros(3, frame.height(), frame.width());
-        for c in 0..3 {
-            fill_colour(full.plane(c), valid.plane(0), factor, denoised.plane_mut(c));
-        }
+        let denoised = Image::from_rows(3, frame.height(), frame.width(), |c, y, row| {
+            fill_colour(full.row(c, y), valid.row(0, y), factor, row);
+        });
         let valid = valid.plane(0).contains(&0.0).then_some(valid);
         let plan = Plan::new(&halves, valid.as_ref());
         Self { plan, exposure: factor, halves, denoised, valid, set, found }
@@ -163,115 +93,34 @@ impl Prepared {
     }
 }
 
-/// Features of which no pixel is finite in both halves. Were they taken for what they claim to be,
-/// every pixel would be missing.
-pub fn unusable_features(frame: &Frame) -> FeatureSet {
-    let unusable = |feature: fn(&HalfBuffer) -> Option<&Image>| {
-        let images: Vec<&Image> = [&frame.a, &frame.b].into_iter().filter_map(feature).collect();
-        let finite = |i: usize| images.iter().all(|f| (0..f.channels()).all(|c| f.plane(c)[i].is_finite()));
-        !images.is_empty() && !(0..images[0].pixels()).any(finite)
-    };
-    FeatureSet {
-        albedo: unusable(|h| h.albedo.as_ref()),
-        normal: unusable(|h| h.normal.as_ref()),
-        visibility: unusable(|h| h.visibility.as_ref()),
-    }
-}
-
-/// The images of a half that decide which pixels are missing.
-fn images(h: &HalfBuffer, unusable: FeatureSet) -> impl Iterator<Item = &Image> {
-    [
-        Some(&h.radiance),
-        Some(&h.denoised),
-        h.albedo.as_ref().filter(|_| !unusable.albedo),
-        h.normal.as_ref().filter(|_| !unusable.normal),
-        h.visibility.as_ref().filter(|_| !unusable.visibility),
-    ]
-    .into_iter()
-    .flatten()
-}
-
-/// The images whose negative values are clamped.
-fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
-    [&frame.a, &frame.b].into_iter().flat_map(|h| [&h.radiance, &h.denoised]).chain(&frame.denoised)
-}
-
-fn negative_values(image: &Image, valid: &Image) -> usize {
-    let values = image.data().iter().zip(valid.plane(0).iter().cycle());
-    values.filter(|(v, ok)| **v < 0.0 && **ok != 0.0).count()
-}
-
-fn validity(frame: &Frame, unusable: FeatureSet) -> Image {
-    let mut valid = Image::filled(1, frame.height(), frame.width(), 1.0);
-    for image in images(&frame.a, unusable).chain(images(&frame.b, unusable)).chain(&frame.denoised) {
-        for c in 0..image.channels() {
-            for (v, x) in valid.plane_mut(0).iter_mut().zip(image.plane(c)) {
-                if !x.is_finite() {
-                    *v = 0.0;
-                }
-            }
+fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Image) -> Image {
+    let albedo = half.albedo.as_ref().filter(|_| set.albedo);
+    let visibility = half.visibility.as_ref().filter(|_| set.visibility);
+    let normal = half.normal.as_ref().filter(|_| set.normal);
+    Image::from_rows(FEATURE_CHANNELS, valid.height(), valid.width(), |c, y, row| {
+        let valid = valid.row(0, y);
+        match c {
+            RADIANCE..ALBEDO => fill_colour(half.radiance.row(c - RADIANCE, y), valid, exposure, row),
+            DENOISED.. => fill_colour(half.denoised.row(c - DENOISED, y), valid, exposure, row),
+            ALBEDO..VISIBILITY => fill_feature(albedo.map(|f| f.row(c - ALBEDO, y)), valid, row),
+            VISIBILITY => fill_feature(visibility.map(|f| f.row(0, y)), valid, row),
+            _ => fill_feature(normal.map(|f| f.row(c - NORMAL, y)), valid, row),
         }
-    }
-    valid
-}
-
-fn normalised_exposure(frame: &Frame, valid: &Image) -> f32 {
-    let (a, b) = (&frame.a.denoised, &frame.b.denoised);
-    let mut means: Vec<f64> = (0..a.pixels())
-        .filter(|&i| valid.plane(0)[i] != 0.0)
-        .map(|i| {
-            (0..3).map(|c| f64::from(a.plane(c)[i].max(0.0)) + f64::from(b.plane(c)[i].max(0.0))).sum::<f64>() / 6.0
-        })
-        .filter(|&m| m > 0.0)
-        .collect();
-    means.sort_by(f64::total_cmp);
-    means.truncate(((means.len() as f64 * EXPOSED_SHARE).ceil() as usize).max(1).min(means.len()));
-    let mean = means.iter().sum::<f64>() / means.len().max(1) as f64;
-    // Beyond this range the squares of exposures and radiances leave f32.
-    let factor = (TARGET_MEAN / mean).clamp(1e-12, 1e12);
-    if factor.is_finite() && !means.is_empty() { factor as f32 } else { 1.0 }
-}
-
-fn varies<'a>(frame: &'a Frame, valid: &Image, feature: impl Fn(&'a HalfBuffer) -> Option<&'a Image>) -> bool {
-    let (Some(a), Some(b)) = (feature(&frame.a), feature(&frame.b)) else { return false };
-    (0..a.channels()).any(|c| {
-        let mut values =
-            (0..a.pixels()).filter(|&i| valid.plane(0)[i] != 0.0).flat_map(|i| [a.plane(c)[i], b.plane(c)[i]]);
-        values.next().is_some_and(|first| values.any(|v| v != first))
     })
 }
 
-fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Image) -> Image {
-    let mut features = Image::zeros(FEATURE_CHANNELS, valid.height(), valid.width());
-    for k in 0..3 {
-        fill_colour(half.radiance.plane(k), valid.plane(0), exposure, features.plane_mut(RADIANCE + k));
-        fill_colour(half.denoised.plane(k), valid.plane(0), exposure, features.plane_mut(DENOISED + k));
+/// Copies a row of a feature; one that is not in use stays zero.
+fn fill_feature(source: Option<&[f32]>, valid: &[f32], out: &mut [f32]) {
+    for ((out, v), ok) in out.iter_mut().zip(source.unwrap_or_default()).zip(valid) {
+        // Far outside their ranges, so that their squared differences stay finite.
+        *out = if *ok != 0.0 { v.clamp(-1e4, 1e4) } else { 0.0 };
     }
-    let optional = [
-        (ALBEDO, set.albedo, &half.albedo),
-        (VISIBILITY, set.visibility, &half.visibility),
-        (NORMAL, set.normal, &half.normal),
-    ];
-    for (first, used, image) in optional {
-        if let (true, Some(image)) = (used, image) {
-            for c in 0..image.channels() {
-                let target = features.plane_mut(first + c).iter_mut();
-                for ((t, v), ok) in target.zip(image.plane(c)).zip(valid.plane(0)) {
-                    // Far outside their ranges, so that their squared differences stay finite.
-                    *t = if *ok != 0.0 { v.clamp(-1e4, 1e4) } else { 0.0 };
-                }
-            }
-        }
-    }
-    features
 }
 
-/// Scales and clamps one colour plane.
+/// Scales and clamps a row of a colour.
 fn fill_colour(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) {
     for ((out, v), ok) in out.iter_mut().zip(source).zip(valid) {
-        if *ok != 0.0 {
-            // Radiance near the end of f32 must not overflow when squared and summed.
-            *out = (v * exposure).clamp(0.0, 1e15);
-        }
+        // Radiance near the end of f32 must not overflow when squared and summed.
+        *out = if *ok != 0.0 { (v * exposure).clamp(0.0, 1e15) } else { 0.0 };
     }
 }

@@ -1,20 +1,16 @@
-//! Headers and planes of one OpenEXR file, with limits on what a header may claim before anything is allocated.
+//! Headers of one OpenEXR file, with limits on what a header may claim before anything is allocated.
 
 use crate::error::{Error, Purpose, shown};
 use crate::image::Image;
-use exr::block::UncompressedBlock;
-use exr::block::chunk::Chunk;
-use exr::block::reader::{ChunksReader, Reader};
-use exr::block::samples::FromNativeSample;
+use crate::io::decode;
+use exr::block::reader::Reader;
 use exr::compression::Compression;
 use exr::error::Error as ExrError;
 use exr::math::Vec2;
-use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
-use exr::prelude::f16;
-use rayon::prelude::*;
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Largest width or height: four times 16K.
@@ -29,8 +25,6 @@ const MAX_RATIO_DEFLATE: u64 = 1_100;
 const MAX_RATIO_OTHER: u64 = 65_536;
 /// Small files may claim this much whatever the ratio, in bytes.
 const ALWAYS_ALLOWED: u64 = 1 << 26;
-/// Compressed chunks that are decoded together, per thread.
-const CHUNKS_PER_THREAD: usize = 4;
 
 /// Position and size of the pixels of a part, as in the file's data window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,12 +103,31 @@ impl ExrFile {
     /// # Errors
     /// [`Error::Damaged`] when pixels are missing or cannot be decoded.
     pub fn images(&self, groups: &[Vec<usize>]) -> Result<Vec<Image>, Error> {
-        let reader = open_reader(&self.path, self.purpose)?;
-        decode(reader, self, groups).map_err(|error| damaged(&self.path, self.purpose, &error))
+        let height = groups.iter().map(|group| self.channels[group[0]].window.height).max().unwrap_or(0);
+        self.rows(groups, 0..height)
+    }
+
+    /// The same for some rows of the groups, which must share one height, `[group.len(), rows.len(), W]`. Chunks that
+    /// hold none of these rows are not read.
+    ///
+    /// # Errors
+    /// As [`Self::images`].
+    pub fn rows(&self, groups: &[Vec<usize>], rows: Range<usize>) -> Result<Vec<Image>, Error> {
+        decode::images(self.reader()?, self, groups, &rows).map_err(|error| self.damaged(&error))
+    }
+
+    /// The file opened once more, headers checked again.
+    pub(super) fn reader(&self) -> Result<FileReader, Error> {
+        open_reader(&self.path, self.purpose)
+    }
+
+    /// What a failure of the decoder means.
+    pub(super) fn damaged(&self, error: &ExrError) -> Error {
+        damaged(&self.path, self.purpose, error)
     }
 }
 
-type FileReader = Reader<BufReader<File>>;
+pub(super) type FileReader = Reader<BufReader<File>>;
 
 fn open_reader(path: &Path, purpose: Purpose) -> Result<FileReader, Error> {
     let unreadable = |source| unreadable(path, purpose, source);
@@ -274,93 +287,5 @@ fn lossy_name(compression: Compression) -> Option<&'static str> {
         Compression::DWAA(_) => Some("DWAA"),
         Compression::DWAB(_) => Some("DWAB"),
         _ => None,
-    }
-}
-
-/// Where the samples of one channel go.
-struct Slot {
-    channel: usize,
-    image: usize,
-    plane: usize,
-    missing: usize,
-}
-
-/// Decodes batches of chunks on all threads and copies the wanted lines into their planes.
-fn decode(reader: FileReader, file: &ExrFile, groups: &[Vec<usize>]) -> Result<Vec<Image>, ExrError> {
-    let mut images = Vec::with_capacity(groups.len());
-    let mut slots = Vec::new();
-    for (image, group) in groups.iter().enumerate() {
-        let window = file.channels[group[0]].window;
-        images.push(Image::zeros(group.len(), window.height, window.width));
-        let missing = window.width * window.height;
-        slots.extend(group.iter().enumerate().map(|(plane, &channel)| Slot { channel, image, plane, missing }));
-    }
-    let needed = |part: usize| slots.iter().any(|slot| file.channels[slot.channel].part == part);
-    let mut chunks =
-        reader.filter_chunks(true, |_, tile, block| tile.level_index == Vec2(0, 0) && needed(block.layer))?;
-    let meta = chunks.meta_data().clone();
-    let batch = CHUNKS_PER_THREAD * rayon::current_num_threads();
-    loop {
-        let compressed = chunks.by_ref().take(batch).collect::<Result<Vec<Chunk>, _>>()?;
-        if compressed.is_empty() {
-            break;
-        }
-        let blocks: Vec<_> =
-            compressed.into_par_iter().map(|chunk| UncompressedBlock::decompress_chunk(chunk, &meta, false)).collect();
-        for block in blocks {
-            copy_block(&block?, &meta.headers, file, &mut slots, &mut images)?;
-        }
-    }
-    match slots.iter().all(|slot| slot.missing == 0) {
-        true => Ok(images),
-        false => Err(ExrError::Invalid("missing bytes".into())),
-    }
-}
-
-fn copy_block(
-    block: &UncompressedBlock,
-    headers: &[Header],
-    file: &ExrFile,
-    slots: &mut [Slot],
-    images: &mut [Image],
-) -> Result<(), ExrError> {
-    let header = headers.get(block.index.layer).ok_or_else(|| ExrError::Invalid("part index".into()))?;
-    if block.index.level != Vec2(0, 0) {
-        return Ok(());
-    }
-    for line in block.lines(&header.channels) {
-        let at = line.location;
-        for slot in slots.iter_mut() {
-            let channel = &file.channels[slot.channel];
-            if (channel.part, channel.index) != (at.layer, at.channel) {
-                continue;
-            }
-            let start = at.position.1 * channel.window.width + at.position.0;
-            let row = images[slot.image].plane_mut(slot.plane).get_mut(start..start + at.sample_count);
-            let row = row.ok_or_else(|| ExrError::Invalid("pixels outside the data window".into()))?;
-            convert_line(line.value, header.channels.list[at.channel].sample_type, row);
-            slot.missing = slot.missing.saturating_sub(at.sample_count);
-        }
-    }
-    Ok(())
-}
-
-/// Samples of one line (native endian, as the decoder leaves them) to f32.
-fn convert_line(bytes: &[u8], kind: SampleType, row: &mut [f32]) {
-    match kind {
-        SampleType::F16 => {
-            let half: Vec<f16> = bytes.chunks_exact(2).map(|b| f16::from_ne_bytes([b[0], b[1]])).collect();
-            f32::from_f16s(&half, row);
-        }
-        SampleType::F32 => {
-            for (value, b) in row.iter_mut().zip(bytes.chunks_exact(4)) {
-                *value = f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
-            }
-        }
-        SampleType::U32 => {
-            for (value, b) in row.iter_mut().zip(bytes.chunks_exact(4)) {
-                *value = u32::from_ne_bytes([b[0], b[1], b[2], b[3]]) as f32;
-            }
-        }
     }
 }

@@ -1,15 +1,13 @@
 //! The frame, the reference and single pictures, read and checked.
 
 use crate::error::{Error, Purpose};
-use crate::frame::{Buffer, Frame, HalfBuffer, Reference, Role};
+use crate::frame::{Buffer, Frame, Reference, Role};
 use crate::image::Image;
-use crate::io::checks;
 use crate::io::exr_file::ExrFile;
 use crate::io::files::FrameFiles;
 use crate::io::layers::Layers;
+use crate::io::open::OpenFrame;
 use crate::io::overrides::RoleOverrides;
-use crate::io::resolve::{Resolution, resolve};
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Reads a frame: finds its roles, decodes only their channels, and checks that the halves can be what they
@@ -18,43 +16,14 @@ use std::path::Path;
 /// # Errors
 /// Every variant of [`Error`] of kind input, and [`Error::Override`] never (overrides are parsed before).
 pub fn read_frame(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Frame, Error> {
-    let resolution = resolve(files, overrides)?;
-    let sources = resolution.filled.iter().map(|filled| resolution.source(filled)).collect();
-    let mut images = decode(&resolution)?;
-    let a = take_half(&mut images, Buffer::A);
-    let b = take_half(&mut images, Buffer::B);
-    let denoised = images.remove(&(Role::Denoised, Buffer::Full));
-    let (Some(a), Some(b)) = (a, b) else {
-        // resolve() has refused frames without colour or denoised colour.
-        unreachable!("a resolved frame has both halves");
-    };
-    let mut frame = Frame { a, b, denoised, sources, warnings: resolution.warnings.clone() };
-    checks::check_frame(&mut frame, &resolution)?;
+    let open = OpenFrame::open(files, overrides)?;
+    let rows = 0..open.height();
+    let mut frame = open.rows(rows.clone())?;
+    let mut inspection = open.inspection();
+    inspection.look(&frame, 0, rows);
+    frame.sources = open.sources();
+    frame.warnings = open.warnings(&inspection)?;
     Ok(frame)
-}
-
-fn decode(resolution: &Resolution) -> Result<BTreeMap<(Role, Buffer), Image>, Error> {
-    let mut images = BTreeMap::new();
-    for (at, file) in resolution.files.iter().enumerate() {
-        let wanted: Vec<_> = resolution.filled.iter().filter(|filled| filled.file == at).collect();
-        if wanted.is_empty() {
-            continue;
-        }
-        let groups: Vec<Vec<usize>> = wanted.iter().map(|filled| filled.channels.clone()).collect();
-        let decoded = file.images(&groups)?;
-        images.extend(wanted.iter().map(|filled| (filled.role, filled.buffer)).zip(decoded));
-    }
-    Ok(images)
-}
-
-fn take_half(images: &mut BTreeMap<(Role, Buffer), Image>, buffer: Buffer) -> Option<HalfBuffer> {
-    Some(HalfBuffer {
-        radiance: images.remove(&(Role::Radiance, buffer))?,
-        denoised: images.remove(&(Role::Denoised, buffer))?,
-        albedo: images.remove(&(Role::Albedo, buffer)),
-        normal: images.remove(&(Role::Normal, buffer)),
-        visibility: images.remove(&(Role::Visibility, buffer)),
-    })
 }
 
 /// What another picture must agree with in size.

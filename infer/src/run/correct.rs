@@ -5,22 +5,26 @@
 //! the correction stays) is decided once. So bands do not show.
 
 use super::report::Seconds;
+use super::source::Rows;
 use crate::engine::{Engine, PlanError};
+use sspc_core::error::Error;
 use sspc_core::estimate::{BLOCK, Estimate, Losses};
-use sspc_core::finish::{Part, Tally, Verdict, finish_rows, judged_rows, margin, picture_of};
+use sspc_core::fill;
+use sspc_core::finish::{Part, Tally, Verdict, finish_rows, judged_rows, margin, unfilled_picture};
 use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
 use sspc_core::prepare::{Prepared, Survey};
 use sspc_core::simd::Isa;
+use std::borrow::Cow;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Memory that a band may take beside the frame itself.
-const BAND_BYTES: usize = 640 << 20;
-/// What a pixel of a band takes at the peak: features of both halves and of one full buffer, padded
-/// windows, parameters of both halves and what is made of them, about a hundred f32.
-const BYTES_PER_PIXEL: usize = 400;
+/// Memory that a band may take beside what is held of the frame and the picture.
+const BAND_BYTES: usize = 800 << 20;
+/// What a pixel of a band takes at the peak: features of both halves, parameters of both halves, what is made of them,
+/// windows of one half, the colours as read; about a hundred f32.
+pub const BYTES_PER_PIXEL: usize = 440;
 /// Fewest rows of a band: below this the rows around it are most of the work.
 const LEAST_ROWS: usize = 64;
 
@@ -29,6 +33,9 @@ const LEAST_ROWS: usize = 64;
 pub enum CorrectError {
     #[error(transparent)]
     Plan(#[from] PlanError),
+    /// Rows could not be read again.
+    #[error(transparent)]
+    Read(#[from] Error),
     #[error("interrupted")]
     Interrupted,
 }
@@ -48,7 +55,7 @@ pub struct Corrected {
     pub active_share: f64,
 }
 
-/// Corrects a frame. `stop` is asked between the steps of every band.
+/// Corrects a frame that is in memory; see [`correct_rows`].
 ///
 /// # Errors
 /// [`CorrectError`].
@@ -60,34 +67,53 @@ pub fn correct(
     seconds: &mut Seconds,
     stop: &dyn Fn() -> bool,
 ) -> Result<Corrected, CorrectError> {
-    let contract = &engine.model().contract;
-    let taps = Taps::square(contract.window_radius);
-    let begin = Instant::now();
-    let survey = Survey::of(frame, contract.exposure).with_features_of(contract.features);
-    seconds.features += begin.elapsed().as_secs_f64();
+    let survey = Survey::of(frame, engine.model().contract.exposure);
+    correct_rows(engine, isa, frame, survey, rows, seconds, stop)
+}
 
+/// Corrects a frame that was looked over. `rows` of a band, or as many as fit the memory. `stop` is asked between the
+/// steps of every band.
+///
+/// # Errors
+/// [`CorrectError`].
+pub fn correct_rows(
+    engine: &Engine,
+    isa: Isa,
+    frame: &dyn Rows,
+    survey: Survey,
+    rows: Option<usize>,
+    seconds: &mut Seconds,
+    stop: &dyn Fn() -> bool,
+) -> Result<Corrected, CorrectError> {
+    let contract = &engine.model().contract;
+    let survey = survey.with_features_of(contract.features);
+    let taps = Taps::square(contract.window_radius);
     let (height, width) = (frame.height(), frame.width());
     let around = (margin(&taps, contract.composition) + contract.shape.radius()).next_multiple_of(BLOCK);
     let step = rows.unwrap_or_else(|| band_rows(width, around)).next_multiple_of(BLOCK);
-    let mut correction = Image::zeros(3, height, width);
+    let bands = || (0..height).step_by(step).map(|top| top..(top + step).min(height));
+    let mut picture = Image::zeros(3, height, width);
     let (mut tally, mut kept, mut active) = (Tally::default(), 0.0, 0.0);
-    for top in (0..height).step_by(step) {
-        let band = top..(top + step).min(height);
+    for band in bands() {
         let work = Band { engine, isa, taps: &taps, frame, survey, around, stop };
-        let (part, share_of_active) = work.correct(band.clone(), seconds)?;
-        tally.append(part.tally);
-        kept += part.share.data().iter().map(|&s| f64::from(s)).sum::<f64>();
-        active += share_of_active * (band.len() * width) as f64;
-        for c in 0..3 {
-            correction.plane_mut(c)[band.start * width..band.end * width].copy_from_slice(part.correction.plane(c));
-        }
+        let done = work.correct(band.clone(), seconds)?;
+        tally.append(done.part.tally);
+        kept += done.part.share.data().iter().map(|&s| f64::from(s)).sum::<f64>();
+        active += done.active_share * (band.len() * width) as f64;
+        put_rows(&mut picture, band.start, &done.picture);
     }
     let begin = Instant::now();
     let Verdict { loss, estimate, fallback } = tally.verdict(contract.composition);
     if fallback.is_some() {
-        correction.data_mut().fill(0.0);
+        for band in bands() {
+            let denoised = frame.rows(band.clone())?;
+            let nothing = Image::zeros(3, band.len(), width);
+            put_rows(&mut picture, band.start, &picture_rows(&denoised, survey, &nothing));
+        }
     }
-    let picture = picture_of(frame, survey.exposure, survey.found.missing_pixels > 0, &correction);
+    if survey.found.missing_pixels > 0 {
+        fill::grow_shut(&mut picture);
+    }
     seconds.finish += begin.elapsed().as_secs_f64();
     let pixels = (height * width).max(1) as f64;
     Ok(Corrected {
@@ -101,6 +127,22 @@ pub fn correct(
     })
 }
 
+/// The picture's rows of a frame's rows, filled from the frame where pixels are missing.
+fn picture_rows(frame: &Frame, survey: Survey, correction: &Image) -> Image {
+    let mut picture = unfilled_picture(frame, survey.exposure, correction);
+    if survey.found.missing_pixels > 0 {
+        fill::fill_from_sources(&mut picture, frame);
+    }
+    picture
+}
+
+fn put_rows(picture: &mut Image, top: usize, rows: &Image) {
+    let from = top * rows.width();
+    for c in 0..rows.channels() {
+        picture.plane_mut(c)[from..from + rows.pixels()].copy_from_slice(rows.plane(c));
+    }
+}
+
 /// Rows of a band that fit the memory, beside the rows around it.
 fn band_rows(width: usize, around: usize) -> usize {
     let rows = BAND_BYTES / (BYTES_PER_PIXEL * width.max(1));
@@ -112,24 +154,40 @@ struct Band<'a> {
     engine: &'a Engine,
     isa: Isa,
     taps: &'a Taps,
-    frame: &'a Frame,
+    frame: &'a dyn Rows,
     survey: Survey,
     around: usize,
     stop: &'a dyn Fn() -> bool,
 }
 
+/// A band's finished rows.
+struct Done {
+    part: Part,
+    /// In the frame's own units.
+    picture: Image,
+    /// Share of the band's pixels that were computed.
+    active_share: f64,
+}
+
 impl Band<'_> {
-    /// The finished rows and the share of the band's pixels that were computed.
-    fn correct(&self, rows: Range<usize>, seconds: &mut Seconds) -> Result<(Part, f64), CorrectError> {
+    fn correct(&self, rows: Range<usize>, seconds: &mut Seconds) -> Result<Done, CorrectError> {
         let contract = &self.engine.model().contract;
         let begin = Instant::now();
         let first = rows.start.saturating_sub(self.around);
         let last = (rows.end + self.around).min(self.frame.height());
-        let prepared = Prepared::by_survey(&self.frame.rows(first, last - first), self.survey);
+        let inner = rows.start - first..rows.end - first;
+        let frame = self.frame.rows(first..last)?;
+        seconds.read += begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        let prepared = Prepared::by_survey(&frame, self.survey);
+        let colours = match frame {
+            Cow::Borrowed(whole) => Cow::Borrowed(whole),
+            // The rest of what was read is of no use any more.
+            Cow::Owned(band) => Cow::Owned(band.colours(inner.start, inner.len())),
+        };
         seconds.features += begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
-        let inner = rows.start - first..rows.end - first;
         let looked_at = judged_rows(contract.composition, &inner, prepared.height());
         let plan = prepared.plan.within_rows(looked_at);
         let mut parameters = Vec::new();
@@ -143,8 +201,9 @@ impl Band<'_> {
         let begin = Instant::now();
         let both = [&parameters[0], &parameters[1]];
         let part = finish_rows(self.isa, contract.form, self.taps, contract.composition, &prepared, both, inner);
+        let picture = picture_rows(&colours, self.survey, &part.correction);
         seconds.finish += begin.elapsed().as_secs_f64();
-        Ok((part, prepared.plan.active_share))
+        Ok(Done { part, picture, active_share: prepared.plan.active_share })
     }
 
     fn go_on(&self) -> Result<(), CorrectError> {

@@ -1,17 +1,18 @@
 //! One frame from file to file.
 
 use super::arguments::RunArguments;
-use super::correct::{CorrectError, Corrected, correct};
+use super::correct::{CorrectError, Corrected, correct_rows};
 use super::jobs::Job;
 use super::progress::Progress;
-use super::report::{Report, Seconds};
+use super::report::{Looks, Report, Seconds};
+use super::source::Surveyed;
 use crate::engine::Engine;
 use crate::failure::{Code, Failure};
 use crate::interrupt;
-use sspc_core::frame::{Frame, Role};
+use sspc_core::frame::Role;
 use sspc_core::io::atomic::{atomic_write_bytes, check_output};
 use sspc_core::io::resolve::resolve;
-use sspc_core::io::{RoleOverrides, read_frame, write_corrected};
+use sspc_core::io::{OpenFrame, RoleOverrides, write_corrected};
 use sspc_core::simd::Isa;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -41,18 +42,22 @@ pub fn correct_file(setting: &Setting, job: &Job) -> Result<(), Failure> {
 
     let start = Instant::now();
     let mut seconds = Seconds::default();
-    let frame = read_frame(&job.files, overrides)?;
+    let open = OpenFrame::open(&job.files, overrides)?;
+    let looks = Looks { height: open.height(), width: open.width(), sources: open.sources() };
+    let frame = Surveyed::read(open, engine.model().contract.exposure)?;
     seconds.read = start.elapsed().as_secs_f64();
-    tell_what_was_read(setting, job, &frame);
+    tell_what_was_read(setting, job, &looks, &frame.warnings);
 
-    let corrected =
-        correct(engine, *isa, &frame, None, &mut seconds, &interrupt::asked).map_err(|error| match error {
+    let Surveyed { rows, survey, warnings } = frame;
+    let corrected = correct_rows(engine, *isa, &*rows, survey, None, &mut seconds, &interrupt::asked).map_err(
+        |error| match error {
             CorrectError::Interrupted => Failure::interrupted(),
             CorrectError::Plan(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
-        })?;
-    let mut report = Report::new(setting, job, &frame, &corrected);
-    // Writing reads half a once more, with all its other channels.
-    drop(frame);
+            CorrectError::Read(error) => error.into(),
+        },
+    )?;
+    drop(rows);
+    let mut report = Report::new(setting, job, looks, warnings, &corrected);
     interrupt::check()?;
 
     let begin = Instant::now();
@@ -113,14 +118,14 @@ fn check_outputs(setting: &Setting, job: &Job, inputs: &[PathBuf]) -> Result<(),
     Ok(())
 }
 
-fn tell_what_was_read(setting: &Setting, job: &Job, frame: &Frame) {
+fn tell_what_was_read(setting: &Setting, job: &Job, frame: &Looks, warnings: &[String]) {
     let progress = setting.progress;
-    progress.detail(&format!("{}: {} x {} pixels", job.name(), frame.width(), frame.height()));
+    progress.detail(&format!("{}: {} x {} pixels", job.name(), frame.width, frame.height));
     for source in &frame.sources {
         let channels = source.channels.join(",");
         progress.detail(&format!("  {} of {} from {} [{channels}]", source.role, source.buffer, source.path.display()));
     }
-    frame.warnings.iter().for_each(|warning| progress.say(&format!("{}: note: {warning}", job.name())));
+    warnings.iter().for_each(|warning| progress.say(&format!("{}: note: {warning}", job.name())));
     let fitted = setting.engine.model().contract.features;
     let has = |role: Role| frame.sources.iter().any(|source| source.role == role);
     for (role, used) in

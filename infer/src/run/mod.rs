@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`arguments`] | what can be asked |
 //! | [`jobs`] | which files make which frame, and where its picture goes |
+//! | [`source`] | where a frame's rows come from |
 //! | [`correct`] | one frame from pixels to pixels, in bands of bounded memory |
 //! | [`frame`] | one frame from file to file |
 //! | [`report`] | what the sidecar says |
@@ -15,6 +16,7 @@ pub mod frame;
 pub mod jobs;
 pub mod progress;
 pub mod report;
+pub mod source;
 
 use crate::engine::Engine;
 use crate::failure::{Code, Failure};

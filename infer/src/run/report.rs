@@ -7,7 +7,7 @@ use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
-use sspc_core::frame::{Frame, RoleSource};
+use sspc_core::frame::RoleSource;
 use sspc_core::parameters::Form;
 use sspc_core::prepare::Findings;
 use std::path::PathBuf;
@@ -15,9 +15,9 @@ use std::path::PathBuf;
 /// Wall-clock seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Seconds {
-    /// Files to pixels.
+    /// Files to pixels, and looking them over: exposure, features in use, usable halves.
     pub read: f64,
-    /// Exposure, features in use, feature tensors.
+    /// Pixels to feature tensors.
     pub features: f64,
     /// Features to parameters.
     pub network: f64,
@@ -26,6 +26,14 @@ pub struct Seconds {
     /// Picture to file.
     pub write: f64,
     pub total: f64,
+}
+
+/// A frame's size and which channels fill its roles.
+#[derive(Clone, Debug)]
+pub struct Looks {
+    pub height: usize,
+    pub width: usize,
+    pub sources: Vec<RoleSource>,
 }
 
 /// Where the model comes from.
@@ -98,7 +106,7 @@ pub struct Report {
 
 impl Report {
     /// Everything but the times.
-    pub fn new(setting: &Setting, job: &Job, frame: &Frame, corrected: &Corrected) -> Self {
+    pub fn new(setting: &Setting, job: &Job, frame: Looks, warnings: Vec<String>, corrected: &Corrected) -> Self {
         let contract = &setting.engine.model().contract;
         Report {
             version: env!("CARGO_PKG_VERSION"),
@@ -115,8 +123,8 @@ impl Report {
                 seed: contract.seed,
                 tool: contract.tool.clone(),
             },
-            width: frame.width(),
-            height: frame.height(),
+            width: frame.width,
+            height: frame.height,
             exposure: corrected.survey.exposure,
             features: corrected.survey.set,
             found: corrected.survey.found,
@@ -131,7 +139,7 @@ impl Report {
             seconds: Seconds::default(),
             peak_rss_bytes: None,
             roles: frame.sources.iter().map(Into::into).collect(),
-            warnings: frame.warnings.clone(),
+            warnings,
         }
     }
 

@@ -1,0 +1,256 @@
+//! What is decided once for a whole frame, however it is cut afterwards: exposure, the features in use, and what is
+//! unusual. A frame may come whole or in bands of rows; both give the same bits.
+
+use crate::features::FeatureSet;
+use crate::frame::{Frame, HalfBuffer};
+use crate::image::Image;
+use rayon::prelude::*;
+
+/// Mean of the darker 95 % of the positive z̄ that normalised exposure aims at: the constants of the method
+/// (0.01, log(1 + d)) are made for renders of about this brightness.
+const TARGET_MEAN: f64 = 0.25;
+/// Share of the pixels that count for exposure: emitters seen directly do not.
+const EXPOSED_SHARE: f64 = 0.95;
+/// Rows that one thread looks at, at a time.
+const ROWS_A_JOB: usize = 8;
+
+/// Whether radiance is brought to the method's scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exposure {
+    /// As in the paper: values as they are.
+    AsIs,
+    /// One factor for both halves, from finite pixels of the denoised images only.
+    Normalised,
+}
+
+/// Unusual pixels and features.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Findings {
+    /// Features that are there, but at no pixel finite in both halves: they count as absent.
+    pub unusable: FeatureSet,
+    /// Pixels with NaN or Inf in any role but the unusable features.
+    pub missing_pixels: usize,
+    /// Negative colour values, clamped at 0.
+    pub negative_values: usize,
+}
+
+/// The decisions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Survey {
+    /// Radiance in the file's units times this is radiance in the method's units.
+    pub exposure: f32,
+    /// Features that are there and not constant.
+    pub set: FeatureSet,
+    pub found: Findings,
+}
+
+impl Survey {
+    /// Looks a frame over.
+    pub fn of(frame: &Frame, exposure: Exposure) -> Self {
+        let mut surveyor = Surveyor::new(frame.height() * frame.width(), exposure, unusable_features(frame));
+        surveyor.look(frame);
+        surveyor.finish()
+    }
+
+    /// Looks a frame of so many pixels over that comes in bands: `bands` hands each row once to its argument. It is
+    /// called a second time for frames with features that are nowhere finite.
+    ///
+    /// # Errors
+    /// What `bands` fails with.
+    pub fn of_bands<E>(
+        pixels: usize,
+        exposure: Exposure,
+        mut bands: impl FnMut(&mut dyn FnMut(&Frame)) -> Result<(), E>,
+    ) -> Result<Self, E> {
+        let mut surveyor = Surveyor::new(pixels, exposure, FeatureSet::NONE);
+        let (mut there, mut usable) = (FeatureSet::NONE, FeatureSet::NONE);
+        bands(&mut |band| {
+            there = there.union(present_features(band));
+            usable = usable.union(usable_features(band));
+            surveyor.look(band);
+        })?;
+        let unusable = there.without(usable);
+        if unusable != FeatureSet::NONE {
+            surveyor = Surveyor::new(pixels, exposure, unusable);
+            bands(&mut |band| surveyor.look(band))?;
+        }
+        Ok(surveyor.finish())
+    }
+
+    /// The same with only those features that a model was `fitted` with: weights of others were
+    /// never trained.
+    pub fn with_features_of(self, fitted: FeatureSet) -> Self {
+        let FeatureSet { albedo, normal, visibility } = self.set;
+        let set = FeatureSet {
+            albedo: albedo && fitted.albedo,
+            normal: normal && fitted.normal,
+            visibility: visibility && fitted.visibility,
+        };
+        Self { set, ..self }
+    }
+}
+
+/// The features of a half by themselves.
+const FEATURES: [fn(&HalfBuffer) -> Option<&Image>; 3] =
+    [|h| h.albedo.as_ref(), |h| h.normal.as_ref(), |h| h.visibility.as_ref()];
+
+fn feature_set([albedo, normal, visibility]: [bool; 3]) -> FeatureSet {
+    FeatureSet { albedo, normal, visibility }
+}
+
+/// Features of which no pixel is finite in both halves. Were they taken for what they claim to be,
+/// every pixel would be missing.
+pub fn unusable_features(frame: &Frame) -> FeatureSet {
+    present_features(frame).without(usable_features(frame))
+}
+
+/// Features that either half has.
+pub(crate) fn present_features(frame: &Frame) -> FeatureSet {
+    feature_set(FEATURES.map(|feature| feature(&frame.a).is_some() || feature(&frame.b).is_some()))
+}
+
+/// Features of which some pixel is finite wherever they are.
+pub(crate) fn usable_features(frame: &Frame) -> FeatureSet {
+    feature_set(FEATURES.map(|feature| {
+        let images: Vec<&Image> = [&frame.a, &frame.b].into_iter().filter_map(feature).collect();
+        let finite = |i: usize| images.iter().all(|f| (0..f.channels()).all(|c| f.plane(c)[i].is_finite()));
+        !images.is_empty() && (0..images[0].pixels()).any(finite)
+    }))
+}
+
+/// 1 where a pixel counts, 0 where a role but the unusable ones holds NaN or Inf, `[1, H, W]`.
+pub(crate) fn validity(frame: &Frame, unusable: FeatureSet) -> Image {
+    let deciding: Vec<&Image> =
+        images(&frame.a, unusable).chain(images(&frame.b, unusable)).chain(&frame.denoised).collect();
+    Image::from_rows(1, frame.height(), frame.width(), |_, y, row| {
+        row.fill(1.0);
+        for source in deciding.iter().flat_map(|image| (0..image.channels()).map(|c| image.row(c, y))) {
+            for (v, x) in row.iter_mut().zip(source) {
+                *v = if x.is_finite() { *v } else { 0.0 };
+            }
+        }
+    })
+}
+
+/// The images of a half that decide which pixels are missing.
+fn images(h: &HalfBuffer, unusable: FeatureSet) -> impl Iterator<Item = &Image> {
+    [
+        Some(&h.radiance),
+        Some(&h.denoised),
+        h.albedo.as_ref().filter(|_| !unusable.albedo),
+        h.normal.as_ref().filter(|_| !unusable.normal),
+        h.visibility.as_ref().filter(|_| !unusable.visibility),
+    ]
+    .into_iter()
+    .flatten()
+}
+
+/// The images whose negative values are clamped.
+fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
+    [&frame.a, &frame.b].into_iter().flat_map(|h| [&h.radiance, &h.denoised]).chain(&frame.denoised)
+}
+
+/// A survey under way.
+struct Surveyor {
+    exposure: Exposure,
+    /// Positive z̄ of valid pixels, both halves' mean, row after row.
+    means: Vec<f64>,
+    /// Albedo, normal, visibility.
+    features: [Variation; 3],
+    found: Findings,
+}
+
+/// Whether a feature has more than one value.
+#[derive(Default)]
+struct Variation {
+    /// The first valid value of each channel.
+    first: Vec<Option<f32>>,
+    varies: bool,
+}
+
+impl Surveyor {
+    fn new(pixels: usize, exposure: Exposure, unusable: FeatureSet) -> Self {
+        let counted = if exposure == Exposure::Normalised { pixels } else { 0 };
+        let found = Findings { unusable, ..Findings::default() };
+        Self { exposure, means: Vec::with_capacity(counted), features: Default::default(), found }
+    }
+
+    /// Looks at the next band below.
+    fn look(&mut self, band: &Frame) {
+        let valid = validity(band, self.found.unusable);
+        if self.exposure == Exposure::Normalised {
+            add_means(band, &valid, &mut self.means);
+        }
+        for (variation, feature) in self.features.iter_mut().zip(FEATURES) {
+            if let (Some(a), Some(b)) = (feature(&band.a), feature(&band.b)) {
+                variation.look(a, b, &valid);
+            }
+        }
+        let rows = (0..band.height()).into_par_iter().with_min_len(ROWS_A_JOB);
+        let counts = rows.map(|y| {
+            let valid = valid.row(0, y);
+            let planes = colours(band).flat_map(|image| (0..image.channels()).map(move |c| image.row(c, y)));
+            let negative: usize =
+                planes.map(|row| row.iter().zip(valid).filter(|(v, ok)| **v < 0.0 && **ok != 0.0).count()).sum();
+            (valid.iter().filter(|v| **v == 0.0).count(), negative)
+        });
+        let (missing, negative) = counts.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        self.found.missing_pixels += missing;
+        self.found.negative_values += negative;
+    }
+
+    fn finish(self) -> Survey {
+        let unusable = self.found.unusable;
+        let set = feature_set(self.features.map(|variation| variation.varies)).without(unusable);
+        let exposure = match self.exposure {
+            Exposure::AsIs => 1.0,
+            Exposure::Normalised => normalised_exposure(self.means),
+        };
+        Survey { exposure, set, found: self.found }
+    }
+}
+
+impl Variation {
+    fn look(&mut self, a: &Image, b: &Image, valid: &Image) {
+        if self.varies {
+            return;
+        }
+        self.first.resize(a.channels(), None);
+        for (c, first) in self.first.iter_mut().enumerate() {
+            let pixels = (0..a.pixels()).filter(|&i| valid.plane(0)[i] != 0.0);
+            for value in pixels.flat_map(|i| [a.plane(c)[i], b.plane(c)[i]]) {
+                if value != *first.get_or_insert(value) {
+                    self.varies = true;
+                    return;
+                }
+            }
+        }
+    }
+}
+
+fn add_means(band: &Frame, valid: &Image, means: &mut Vec<f64>) {
+    let (a, b) = (&band.a.denoised, &band.b.denoised);
+    let of_row = |y: usize| -> Vec<f64> {
+        let z: [(&[f32], &[f32]); 3] = std::array::from_fn(|c| (a.row(c, y), b.row(c, y)));
+        let mean =
+            |x: usize| z.iter().map(|(a, b)| f64::from(a[x].max(0.0)) + f64::from(b[x].max(0.0))).sum::<f64>() / 6.0;
+        let valid = valid.row(0, y);
+        (0..a.width()).filter(|&x| valid[x] != 0.0).map(mean).filter(|&m| m > 0.0).collect()
+    };
+    // In turns, so that few rows are held twice.
+    for top in (0..a.height()).step_by(64) {
+        let rows: Vec<Vec<f64>> = (top..(top + 64).min(a.height())).into_par_iter().map(of_row).collect();
+        rows.iter().for_each(|row| means.extend_from_slice(row));
+    }
+}
+
+fn normalised_exposure(mut means: Vec<f64>) -> f32 {
+    let count = ((means.len() as f64 * EXPOSED_SHARE).ceil() as usize).max(1).min(means.len());
+    if 0 < count && count < means.len() {
+        means.select_nth_unstable_by(count - 1, f64::total_cmp);
+    }
+    let mean = means[..count].iter().sum::<f64>() / count.max(1) as f64;
+    // Beyond this range the squares of exposures and radiances leave f32.
+    let factor = (TARGET_MEAN / mean).clamp(1e-12, 1e12);
+    if factor.is_finite() && count > 0 { factor as f32 } else { 1.0 }
+}

@@ -1,0 +1,85 @@
+//! A frame that is read in bands takes memory for its bands and its picture, however many rows it has.
+//! One test in a program of its own: the allocator counts whatever runs at the same time.
+
+#[path = "../../core/tests/common/peak.rs"]
+mod peak;
+
+use peak::peak_of;
+use sspc_core::frame::{Buffer, Role};
+use sspc_core::image::Image;
+use sspc_core::io::write::write_picture;
+use sspc_core::io::{FrameFiles, OpenFrame, RoleOverrides, read_frame};
+use sspc_core::network::start;
+use sspc_core::parameters::Form;
+use sspc_core::rng::Rng;
+use sspc_core::simd::Isa;
+use sspc_core::survey::{Exposure, Survey};
+use sspc_infer::engine::{Engine, Kernels};
+use sspc_infer::run::correct::{BYTES_PER_PIXEL, correct_rows};
+use sspc_infer::run::report::Seconds;
+use sspc_infer::run::source::Surveyed;
+use sspc_onnx::{Contract, Model};
+use std::path::Path;
+
+const WIDTH: usize = 256;
+const BAND: usize = 64;
+/// Rows around a band: networks, windows and judgement.
+const AROUND: usize = 2 * 48;
+/// The corrected picture, and the brightness of every pixel while the frame is looked over, of which one is gone
+/// before the other comes. Holding the frame would take 108.
+const BYTES_A_PIXEL_MORE: usize = 16;
+
+/// Files of colour, albedo and normal for both halves, 27 planes.
+fn frame(folder: &Path, height: usize) -> FrameFiles {
+    let mut rng = Rng::new(3);
+    let mut write = |name: String, level: f32| {
+        let picture = Image::from_fn(3, height, WIDTH, |c, y, x| {
+            0.2 + 0.3 * ((x / 9 + y / 7 + c) % 2) as f32 + level * rng.uniform()
+        });
+        let path = folder.join(format!("{name}-{height}.exr"));
+        write_picture(&path, &[], &picture, &[]).expect("written");
+        path
+    };
+    let halves = FrameFiles::halves(write("a".into(), 1.0), write("b".into(), 1.0));
+    let denoised = Role::Denoised;
+    let mut files = halves.with_role(denoised, Buffer::Full, write("z".into(), 0.02));
+    for (buffer, mark) in [(Buffer::A, "a"), (Buffer::B, "b")] {
+        for (role, level) in [(denoised, 0.04), (Role::Albedo, 0.1), (Role::Normal, 0.1)] {
+            files = files.with_role(role, buffer, write(format!("{role}-{mark}"), level));
+        }
+    }
+    files
+}
+
+#[test]
+fn memory_grows_with_the_picture_not_with_the_frame() {
+    let folder = tempfile::tempdir().expect("folder");
+    let contract = Contract::new(Form::Gated);
+    let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
+    let engine = Engine::new(Model::new(contract, weights).expect("a model"), Kernels::Fused(Isa::best()), 64);
+    let files = [512, 1024].map(|height| frame(folder.path(), height));
+    let correct = |files: &FrameFiles| {
+        peak_of(|| {
+            let open = OpenFrame::open(files, &RoleOverrides::none()).expect("frame");
+            let frame = Surveyed::in_bands(open, Exposure::Normalised).expect("readable");
+            let seconds = &mut Seconds::default();
+            let (rows, survey) = (&*frame.rows, frame.survey);
+            correct_rows(&engine, Isa::best(), rows, survey, Some(BAND), seconds, &|| false).expect("corrected")
+        })
+    };
+    // Once without looking: threads and tract's plan stay.
+    correct(&files[0]);
+    let [(small, low), (_, high)] = files.each_ref().map(correct);
+    let more = 512 * WIDTH;
+    assert!(high - low < BYTES_A_PIXEL_MORE * more, "{low} bytes, and {high} for twice the rows");
+    let band = (BAND + AROUND) * WIDTH * BYTES_PER_PIXEL;
+    assert!(low < band + BYTES_A_PIXEL_MORE * more, "{low} bytes, {band} for the band");
+
+    // The same picture as that of the frame in memory.
+    let held = read_frame(&files[0], &RoleOverrides::none()).expect("frame");
+    let survey = Survey::of(&held, Exposure::Normalised);
+    assert_eq!(small.survey, survey);
+    let rows = Some(BAND);
+    let whole = correct_rows(&engine, Isa::best(), &held, survey, rows, &mut Seconds::default(), &|| false);
+    assert!(whole.expect("corrected").picture == small.picture, "another picture");
+}
