@@ -72,15 +72,15 @@ impl Blocks {
 
 /// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units, over `rows`.
 pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
-    sum_blocks(prepared, RELATIVE_FLOOR, rows, |i, weights| {
-        (0..2).map(|h| 0.5 * f64::from(weights[h]) * squared_to(prepared, &pair[h], h, i)).sum()
+    sum_blocks(prepared, rows, |i| {
+        (0..2).map(|h| 0.5 * weight(prepared, h, i) * squared_to(prepared, &pair[h], h, i)).sum()
     })
 }
 
 /// Estimate of how much smaller the error of `after` is than that of `before`:
 /// L̂(before) - L̂(after), which needs no variance; over `rows`.
 pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<usize>) -> Blocks {
-    sum_blocks(prepared, RELATIVE_FLOOR, rows, |i, weights| {
+    sum_blocks(prepared, rows, |i| {
         (0..2)
             .map(|h| {
                 let other = &prepared.halves[1 - h];
@@ -92,23 +92,26 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<
                         (p - q) * (p + q - 2.0 * y)
                     })
                     .sum();
-                0.5 * f64::from(weights[h]) * product
+                0.5 * weight(prepared, h, i) * product
             })
             .sum()
     })
 }
 
 /// Estimated relL2 of the mean of a pair of pictures, in the frame's own exposure, over `rows`.
+///
+/// The full buffer's z stands in for the reference in the denominator: it is made of both halves
+/// alike. Under a weight made of the half compared with, whose z is large where its noise is, the
+/// squares of that half's noise weigh less than the variance that is to cancel them, and the
+/// estimate falls below 0 in noisy frames; under a symmetric one they weigh the same.
 pub fn estimate(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
     // In the method's units the 0.01 of relL2 is this much.
-    let floor = RELATIVE_FLOOR * prepared.exposure * prepared.exposure;
-    sum_blocks(prepared, floor, rows, |i, weights| {
-        let mut sum = 0.0;
-        for h in 0..2 {
-            sum += 0.5 * f64::from(weights[h]) * (squared_to(prepared, &pair[h], h, i) - variance(prepared, i));
-        }
+    let floor = f64::from(RELATIVE_FLOOR * prepared.exposure * prepared.exposure);
+    sum_blocks(prepared, rows, |i| {
+        let mean = (0..3).map(|k| f64::from(prepared.denoised.plane(k)[i])).sum::<f64>() / 3.0;
         let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
-        sum - 0.25 * 0.5 * f64::from(weights[0] + weights[1]) * apart
+        let squared: f64 = (0..2).map(|h| 0.5 * squared_to(prepared, &pair[h], h, i)).sum();
+        (squared - variance(prepared, i) - 0.25 * apart) / (mean * mean + floor)
     })
 }
 
@@ -124,18 +127,15 @@ fn variance(prepared: &Prepared, i: usize) -> f64 {
     (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum()
 }
 
-/// Sums over the valid pixels of `rows` and three channels of `value(pixel, weights of both halves)`.
-fn sum_blocks(
-    prepared: &Prepared,
-    floor: f32,
-    rows: Range<usize>,
-    value: impl Fn(usize, [f32; 2]) -> f64 + Sync,
-) -> Blocks {
+/// 1 / (z̄² + 0.01), z of the half that half `h` is compared with.
+fn weight(prepared: &Prepared, h: usize, i: usize) -> f64 {
+    let z: f32 = (0..3).map(|k| prepared.halves[1 - h].plane(DENOISED + k)[i]).sum::<f32>() / 3.0;
+    f64::from(1.0 / (z * z + RELATIVE_FLOOR))
+}
+
+/// Sums over the valid pixels of `rows` and three channels of `value(pixel)`.
+fn sum_blocks(prepared: &Prepared, rows: Range<usize>, value: impl Fn(usize) -> f64 + Sync) -> Blocks {
     let width = prepared.width();
-    let weight = |half: usize, i: usize| {
-        let z: f32 = (0..3).map(|k| prepared.halves[half].plane(DENOISED + k)[i]).sum::<f32>() / 3.0;
-        1.0 / (z * z + floor)
-    };
     let row_of_blocks = |top: usize| {
         let mut blocks = Vec::with_capacity(width.div_ceil(BLOCK));
         for left in (0..width).step_by(BLOCK) {
@@ -144,8 +144,7 @@ fn sum_blocks(
                 for x in left..(left + BLOCK).min(width) {
                     let i = y * width + x;
                     if prepared.is_valid(i) {
-                        // The weights for half h come from the other half.
-                        sum += value(i, [weight(1, i), weight(0, i)]);
+                        sum += value(i);
                         count += 3.0;
                     }
                 }
@@ -157,4 +156,45 @@ fn sum_blocks(
     let tops: Vec<usize> = rows.clone().step_by(BLOCK).collect();
     let blocks: Vec<Vec<(f64, f64)>> = tops.into_par_iter().map(row_of_blocks).collect();
     Blocks(blocks.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::{FEATURE_CHANNELS, FeatureSet};
+    use crate::plan::Plan;
+    use crate::prepare::Findings;
+    use crate::rng::Rng;
+
+    /// Share of a half's noise that its z keeps.
+    const KEPT: f32 = 0.3;
+    /// A z that follows so heavy a noise also weighs its own errors, by some half of them.
+    const WITHIN: f64 = 2.0;
+
+    /// Under weights of the half compared with, this estimate is -4 times the error.
+    #[test]
+    fn heavy_noise_that_z_follows_does_not_make_the_estimate_negative() {
+        let rng = &mut Rng::new(3);
+        let (height, width, truth) = (192, 256, 0.5);
+        let mut halves = [0, 1].map(|_| Image::zeros(FEATURE_CHANNELS, height, width));
+        for half in &mut halves {
+            for i in 0..height * width {
+                let y = -truth * (1.0 - rng.uniform()).max(1e-7).ln();
+                for k in 0..3 {
+                    half.plane_mut(RADIANCE + k)[i] = y;
+                    half.plane_mut(DENOISED + k)[i] = truth + KEPT * (y - truth);
+                }
+            }
+        }
+        let z = [0, 1].map(|h| crate::objective::triple(&halves[h], DENOISED));
+        let denoised = Image::mean_of(&z[0], &z[1]);
+        let squared = denoised.data().iter().map(|v| f64::from(v - truth).powi(2)).sum::<f64>();
+        let expected = squared / denoised.data().len() as f64 / f64::from(truth * truth + RELATIVE_FLOOR);
+        let plan = Plan::everything(height, width);
+        let (set, found) = (FeatureSet::NONE, Findings::default());
+        let prepared = Prepared { exposure: 1.0, halves, denoised, valid: None, set, plan, found };
+        let found = estimate(&prepared, &z, 0..height).mean();
+        let ratio = found.value / expected;
+        assert!((1.0 / WITHIN..WITHIN).contains(&ratio), "estimated {found:?}, true {expected}");
+    }
 }
