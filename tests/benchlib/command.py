@@ -3,6 +3,7 @@
 import argparse
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,16 +13,17 @@ from datetime import datetime, timezone
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from . import frames, jobs, machine, runs
-from .record import Record
+from . import ablations, derived, frames, jobs, machine, runs
+from .record import Record, free_stem, name_of, table, write_all
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DESCRIPTION = """\
 Fits every frame with every preset, file to file, checks every answer with sspc-infer, and writes a dated record
-(tables, JSON, plot). The programs are those of target/release (or $CARGO_TARGET_DIR): build them first,
-`cargo build --release`. The frame in the repository is always measured; --frames adds a folder of scenes, whose
-file names are told in tests/benchlib/frames.py. Exit codes: 0 done, 1 a run failed or its answer was wrong (the
-record says which), 2 bad arguments, 130 interrupted (what was measured is kept)."""
+(tables, JSON, plots). The programs are those of target/release (or $CARGO_TARGET_DIR): build them first,
+`cargo build --release --workspace --bins --examples`. The frame in the repository is always measured; --frames adds
+a folder of scenes, whose file names are told in tests/benchlib/frames.py, and a frame of 1280 x 720 made of one of
+them. Exit codes: 0 done, 1 a run failed or its answer was wrong (the record says which), 2 bad arguments, 130
+interrupted (what was measured is kept)."""
 
 
 def main(arguments=None):
@@ -32,13 +34,61 @@ def main(arguments=None):
         os.sched_setaffinity(0, options.pin)
     found = frames.sample(REPOSITORY) if fnmatchcase(frames.SAMPLE, options.only) else []
     found += frames.find(options.frames, options.only) if options.frames else []
-    methods = jobs.methods(options.presets, options.paper, options.torch, options.method, options.steps)
-    todo = jobs.jobs(found, methods, options.seeds, options.repeat)
-    if not todo:
-        fail("nothing to run: no frame matches, or no preset or method was asked for")
     for name in set(render_seconds) - {frame.name for frame in found}:
         print(f"bench: --render-seconds: no frame {name} is measured", file=sys.stderr)
+    with tempfile.TemporaryDirectory(prefix="sspc-bench-") as scratch:
+        measure = ablate if options.ablations else compare
+        return measure(found, programs, options, arguments, Path(scratch))
 
+
+def compare(found, programs, options, arguments, scratch):
+    """Methods and presets on every frame, and their record; the exit code."""
+    problems = []
+    if options.frames and options.large:
+        found = found + derive(derived.fourfold, found, programs, scratch, problems)
+    methods = jobs.methods(
+        options.methods, options.presets, options.method, options.steps,
+        options.paper_frames, options.torch_frames, options.torch_timeout,
+    )  # fmt: skip
+    todo = jobs.jobs(found, methods, options.seeds, options.repeat)
+    results, about = run_all(todo, found, programs, options, arguments, scratch, problems)
+    columns = list(dict.fromkeys((jobs.column(m.name, p), m.name, p) for m in methods for p in m.presets))
+    record = Record(about, found, columns, cleaned(results, options), dict(options.render_seconds).get)
+    for path in record.write(options.output):
+        say(f"wrote {path}")
+    return conclude(record, about["ended"])
+
+
+def ablate(found, programs, options, arguments, scratch):
+    """One preset with one thing changed at a time, and the record; the exit code."""
+    problems, chosen = [], ablations.chosen(found)
+    source = derived.source(found)
+    half_empty = derive(derived.half_empty, found, programs, scratch, problems)
+    todo = ablations.jobs(chosen, *(half_empty or [None]), source, options.ablations, options.seeds, options.steps)
+    results, about = run_all(todo, found, programs, options, arguments, scratch, problems)
+    record = Record(about, found, [], cleaned(results, options), lambda _: None)
+    done = ablations.Ablations(about, chosen, options.ablations, record.results)
+    stem = free_stem(options.output, f"{name_of(about)}-ablations")
+    texts = {f"{stem}.md": done.markdown([part for part in (record.failures(), record.about_text()) if part], table), f"{stem}.json": done.json()}
+    for path in write_all(options.output, texts):
+        say(f"wrote {path}")
+    return conclude(record, about["ended"])
+
+
+def derive(make, found, programs, scratch, problems):
+    """[the derived frame], or [] and a problem for the record."""
+    source = derived.source(found)
+    try:
+        return [make(source, programs.edit, scratch / "frames")] if source else []
+    except derived.NoTool as why:
+        problems.append(f"a frame is lacking: {why}")
+        return []
+
+
+def run_all(todo, found, programs, options, arguments, scratch, problems):
+    """Runs the jobs; their results, and what the record says of commit, machine, programs and how it ended."""
+    if not todo:
+        fail("nothing to run: no frame matches, or no preset or method was asked for")
     head = machine.commit(REPOSITORY)
     measured = [path for path in (programs.train, programs.infer) if path]
     about = {
@@ -50,7 +100,7 @@ def main(arguments=None):
         "steps_limit": options.steps,
         "seeds": options.seeds,
         "planned": len(todo),
-        "problems": [],
+        "problems": problems,
     }
     for program in about["programs"]:
         if program["older_than_commit"]:
@@ -58,17 +108,11 @@ def main(arguments=None):
     say(f"{len(todo)} runs on {len(found)} frames; threads: {options.threads or 'one a usable core'}")
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)
-    results, ended = carry_out(todo, programs, options)
+    results, ended = carry_out(todo, programs, options, scratch)
     for path, program in zip(measured, about["programs"]):
         if not machine.unchanged(path, program):
             about["problems"].append(f"{program['name']} was rebuilt while it was measured")
-    about |= {"ended": ended, "load_average_after": machine.load()}
-
-    columns = list(dict.fromkeys((jobs.column(m.name, p), m.name, p) for m in methods for p in m.presets))
-    record = Record(about, found, columns, cleaned(results, options), render_seconds.get)
-    for path in record.write(options.output):
-        say(f"wrote {path}")
-    return conclude(record, ended)
+    return results, about | {"ended": ended, "load_average_after": machine.load()}
 
 
 def command_line():
@@ -79,8 +123,17 @@ def command_line():
     parser.add_argument("--only", default="*", metavar="GLOB", help="frames to measure, by name, e.g. 'staircase/*' or sample")
     presets = ("fast", "balanced", "quality")
     parser.add_argument("--presets", type=names, default=presets, metavar="A,B", help="presets to run, 'none' for none (default: all three)")
-    parser.add_argument("--paper", action="store_true", help="also the preset paper (minutes a frame)")
-    parser.add_argument("--torch", action="store_true", help="also PyTorch with the paper's schedule (many minutes a frame)")
+    parser.add_argument("--methods", type=method_names, default=("sspc", "fc"), metavar="A,B",
+                        help="sspc: the presets; fc: f_c with the network and steps of balanced; paper: the preset paper (minutes a frame); "
+                        "torch: PyTorch with the paper's schedule (many minutes a frame); default sspc,fc")
+    parser.add_argument("--paper-frames", type=names, default=("sample", "staircase/64spp"), metavar="GLOB,GLOB",
+                        help="frames that the preset paper is run on (default sample,staircase/64spp)")
+    parser.add_argument("--torch-frames", type=names, default=("sample",), metavar="GLOB,GLOB", help="frames that PyTorch is run on (default sample)")
+    parser.add_argument("--torch-timeout", type=positive, default=3600, metavar="SECONDS", help="a PyTorch run that lasts longer failed (default 3600)")
+    parser.add_argument("--no-large", dest="large", action="store_false", help="without the frame of 1280 x 720")
+    parser.add_argument("--ablations", choices=presets, metavar="PRESET",
+                        help="instead of methods and presets: this preset with one thing changed at a time, on every frame as denoised "
+                        "(of a shot, the first), and a record of its own")
     parser.add_argument("--method", type=named, action="append", default=[], metavar="NAME=ARGUMENTS",
                         help="also sspc-train fit with these arguments, e.g. 'no albedo=--role albedo=none', with every preset; repeatable")
     parser.add_argument("--seeds", type=numbers, default=[1], metavar="1,2", help="seeds (default 1)")
@@ -107,6 +160,13 @@ def folder(value):
 
 def names(value):
     return () if value == "none" else tuple(name for name in value.split(",") if name)
+
+
+def method_names(value):
+    unknown = set(names(value)) - set(jobs.NAMES)
+    if unknown:
+        raise argparse.ArgumentTypeError(f"no method {', '.join(sorted(unknown))}; there are {', '.join(jobs.NAMES)}")
+    return names(value)
 
 
 def numbers(value):
@@ -140,16 +200,17 @@ def find_programs(options):
         if not (binaries / name).is_file():
             fail(f"no {binaries / name}; run `cargo build --release`, or say --bin-dir")
     python = None
-    if options.torch:
+    if "torch" in options.methods and not options.ablations:
         named_python = os.environ.get("SSPC_PYTHON_VENV")
         done = None if named_python else subprocess.run([REPOSITORY / ".ci" / "setup-python"], stdout=subprocess.PIPE, text=True)
         if done and done.returncode:
             fail("--torch needs the virtual environment of reference-py, and it could not be made")
         python = Path(named_python or done.stdout.strip())
-    return runs.Programs(binaries / "sspc-train", binaries / "sspc-infer", python, REPOSITORY / "reference-py")
+    edit = binaries / "examples" / "edit_exr"
+    return runs.Programs(binaries / "sspc-train", binaries / "sspc-infer", edit, python, REPOSITORY / "reference-py")
 
 
-def carry_out(todo, programs, options):
+def carry_out(todo, programs, options, scratch):
     """Runs the jobs; results so far and how it ended. Ctrl-C and SIGTERM end it and keep what was measured."""
     environment = dict(os.environ)
     if options.threads:
@@ -157,17 +218,18 @@ def carry_out(todo, programs, options):
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     results, done = [], []
     try:
-        with tempfile.TemporaryDirectory(prefix="sspc-bench-") as scratch:
-            for index, job in enumerate(todo):
-                begin = time.perf_counter()
-                place = (options.keep or Path(scratch)) / output_name(job)
-                result = runs.run_job(job, programs, place.resolve(), environment, options.timeout)
-                if not result["failure"]:
-                    result["failure"] = runs.repeats_agree(result, results)
-                results.append(result)
-                done.append((job.column, time.perf_counter() - begin))
-                left = jobs.seconds_left(done, [later.column for later in todo[index + 1 :]])
-                say(f"[{index + 1}/{len(todo)}] {line(result)}; {duration(left)} left", loud=bool(result["failure"]))
+        for index, job in enumerate(todo):
+            begin = time.perf_counter()
+            place = (options.keep or scratch) / output_name(job)
+            result = runs.run_job(job, programs, place.resolve(), environment, job.method.limit or options.timeout)
+            if not result["failure"]:
+                result["failure"] = runs.repeats_agree(result, results)
+            results.append(result)
+            done.append((job.column, time.perf_counter() - begin))
+            left = jobs.seconds_left(done, [later.column for later in todo[index + 1 :]])
+            say(f"[{index + 1}/{len(todo)}] {line(result)}; {duration(left)} left", loud=bool(result["failure"]))
+            if not options.keep:
+                shutil.rmtree(place, ignore_errors=True)
     except KeyboardInterrupt:
         say("interrupted: keeping what was measured", loud=True)
         return results, "interrupted"

@@ -1,13 +1,19 @@
-"""What is to be run: every method and preset on every frame, with every seed, so many times."""
+"""What is to be run: every method and preset on every frame that it is for, with every seed, so many times."""
 
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from statistics import fmean
 
 from .frames import Frame
 
 SSPC = "sspc"
+FC = "f_c"
 PAPER = "paper preset"
 TORCH = "PyTorch, paper's schedule"
+# What --methods calls them.
+NAMES = {"sspc": SSPC, "fc": FC, "paper": PAPER, "torch": TORCH}
+# f_c is measured with the network, start and steps of this preset.
+FC_PRESET = "balanced"
 
 
 @dataclass(frozen=True)
@@ -17,6 +23,19 @@ class Method:
     name: str
     presets: tuple[str, ...]
     arguments: tuple[str, ...] = ()
+    # Globs of the frames it is run on.
+    frames: tuple[str, ...] = ("*",)
+    # Seconds a run may last; None: as long as every other.
+    limit: float | None = None
+
+    def is_for(self, frame):
+        """Every method but ours is there to be compared, so it needs a reference.
+
+        PyTorch reads its denoised halves from the files of the halves.
+        """
+        if not any(fnmatchcase(frame.name, glob) for glob in self.frames):
+            return False
+        return self.name == SSPC or bool(frame.reference) and not (self.name == TORCH and frame.denoised_a)
 
 
 @dataclass(frozen=True)
@@ -39,32 +58,35 @@ def column(method, preset):
     return method if method in (PAPER, TORCH) else f"{method}, {preset}"
 
 
-def methods(presets, paper, torch, others, steps):
-    """`others`: (name, arguments) pairs, each run with all presets; `steps` shortens every fit (a trial)."""
+def methods(names, presets, others, steps, paper_frames=("*",), torch_frames=("*",), torch_limit=None):
+    """The methods called `names`; `others`: (name, arguments) pairs, each run with all presets.
+
+    `steps` shortens every fit (a trial).
+    """
     limit = ("--steps", str(steps)) if steps else ()
-    found = [Method(SSPC, presets, limit)] if presets else []
+    found = []
+    if "sspc" in names and presets:
+        found.append(Method(SSPC, presets, limit))
     found += [Method(name, presets, (*arguments, *limit)) for name, arguments in others]
-    if paper:
-        found.append(Method(PAPER, ("paper",), limit))
-    if torch:
-        found.append(Method(TORCH, ("paper",), ("--epochs", "1") if steps else ()))
+    if "fc" in names:
+        found.append(Method(FC, (FC_PRESET,), ("--set", "combination=fc", *limit)))
+    if "paper" in names:
+        found.append(Method(PAPER, ("paper",), limit, paper_frames))
+    if "torch" in names:
+        found.append(Method(TORCH, ("paper",), ("--epochs", "1") if steps else (), torch_frames, torch_limit))
     return found
 
 
 def jobs(frames, methods, seeds, repeats):
-    """All jobs, frame by frame, so that an interrupted benchmark has whole rows.
-
-    PyTorch reads its denoised halves from the files of the halves and is there to be compared, so it runs on
-    frames that have them there and have a reference.
-    """
+    """All jobs, frame by frame, so that an interrupted benchmark has whole rows."""
     return [
         Job(frame, method, preset, seed, repeat)
         for frame in frames
         for repeat in range(repeats)
         for seed in seeds
         for method in methods
+        if method.is_for(frame)
         for preset in method.presets
-        if method.name != TORCH or (frame.reference and not frame.denoised_a)
     ]
 
 

@@ -59,8 +59,8 @@ class Axis:
         return [m * 10.0**d for d in decades for m in (1, 2, 5) if low <= m * 10.0**d <= high]
 
 
-def svg(title, subtitle, series, levels):
-    """The plot's text; raises ValueError without any point."""
+def svg(title, subtitle, series, levels, notes=()):
+    """The plot's text, `notes` below the legend; raises ValueError without any point."""
     points = [point for line in series for point in line.points]
     if not points:
         raise ValueError("a plot needs at least one point")
@@ -76,6 +76,8 @@ def svg(title, subtitle, series, levels):
         entries.append((line.name, colour, None))
     for index, entry in enumerate(entries):
         body += legend(index, *entry)
+    for index, note in enumerate(notes, len(entries)):
+        body.append(text(WIDTH - RIGHT + 47, TOP + 14 + 20 * index, note, colour="#666"))
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="13">'
     return "\n".join([head, *body, "</svg>", ""])
 

@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from . import figures, goals, plot
+from . import calibration, equal_time, figures, goals, plot, scatter
 from .jobs import SSPC
 
 
@@ -22,17 +22,10 @@ class Record:
         self.cells = figures.cells(results)
 
     def write(self, folder):
-        """Writes DATE-COMMIT.md, .json and, with a point to plot, .svg beside earlier records; their paths."""
-        folder.mkdir(parents=True, exist_ok=True)
-        stem = free_stem(folder, f"{self.about['date'][:10]}-{self.about['commit']['hash']}" + self.dirty("-dirty"))
-        picture = self.svg()
-        texts = {".md": self.markdown(f"{stem}.svg" if picture else None), ".json": self.json()}
-        texts |= {".svg": picture} if picture else {}
-        paths = []
-        for suffix, text in texts.items():
-            paths.append(folder / (stem + suffix))
-            paths[-1].write_text(text)
-        return paths
+        """Writes DATE-COMMIT.md, .json and, with points to plot, .svg beside earlier records; their paths."""
+        stem = free_stem(folder, name_of(self.about))
+        pictures = {f"{stem}{suffix}": picture for suffix, picture in self.pictures().items() if picture}
+        return write_all(folder, {f"{stem}.md": self.markdown(stem, pictures), f"{stem}.json": self.json()} | pictures)
 
     def dirty(self, word):
         return word if self.about["commit"]["dirty"] else ""
@@ -50,11 +43,28 @@ class Record:
         }
         return json.dumps(everything, indent=1) + "\n"
 
-    def svg(self):
+    def pictures(self):
+        """Plots by the end of their names: of the columns that the frames of the mean have; where columns are left out, of
+        all columns over the frames that all have; of the predictions. None for one without a point.
+        """
+        judged = figures.judged(self.frames)
+        measured = [c for c in self.columns if any((f.name, c[0]) in self.cells for f in self.frames)]
+        whole = [c for c in measured if not figures.lacking(judged, self.cells, c[0])]
+        common = [f for f in self.frames if all(self.ratio(f.name, c[0]) is not None for c in measured)]
+        predictions = calibration.predictions(self.results)
+        return {
+            ".svg": self.svg(whole, judged) if whole else self.svg(measured, common),
+            "-all.svg": self.svg(measured, common) if whole and len(whole) < len(measured) else None,
+            "-estimates.svg": scatter.svg("Predicted and true error", self.subtitle(""), predictions),
+        }
+
+    def subtitle(self, frames):
+        return f"{frames}{self.short_machine()}; {self.about['commit']['hash']}{self.dirty(' and changes')}"
+
+    def svg(self, columns, over):
         """None without a single point."""
         of_method = {}
-        over = self.common_frames()
-        for heading, method, preset in self.columns:
+        for heading, method, preset in columns:
             point = self.point(heading, preset, over)
             if point:
                 of_method.setdefault(method, []).append(point)
@@ -65,8 +75,11 @@ class Record:
         mix = figures.mean_over(over, lambda f: self.mix_ratio(f.name))
         if mix is not None and mix < 0.9995:
             levels.append(plot.Level("best fixed mix", mix))
-        subtitle = f"geometric mean over {self.count(over)}; {self.short_machine()}; {self.about['commit']['hash']}{self.dirty(' and changes')}"
-        return plot.svg("Error against time", subtitle, series, levels)
+        noisy = figures.mean_over(over, lambda f: self.rows[f.name].ratio(self.rows[f.name].noisy))
+        names = f": {over[0].name}" if len(over) == 1 else ""
+        subtitle = self.subtitle(f"geometric mean over {self.count(over)}{names}; ")
+        notes = [f"noisy, above the axis {noisy:.3g}"] if noisy else []
+        return plot.svg("Error against time", subtitle, series, levels, notes)
 
     def point(self, heading, preset, over):
         known = [f for f in over if (f.name, heading) in self.cells]
@@ -74,13 +87,6 @@ class Record:
         if ratio is None:
             return None
         return plot.Point(preset, figures.mean_over(known, lambda f: self.cells[f.name, heading].seconds), ratio)
-
-    def common_frames(self):
-        """The frames of the mean that every column has; all of the mean's where no frame has every column."""
-        judged = figures.judged(self.frames)
-        measured = [h for h, _, _ in self.columns if any((f.name, h) in self.cells for f in judged)]
-        whole = [f for f in judged if all((f.name, h) in self.cells for h in measured)]
-        return whole or judged
 
     def count(self, frames):
         names = {frame.shot or frame.name for frame in frames}
@@ -110,17 +116,23 @@ class Record:
         machine = self.about["machine"]
         return f"{machine['processor']}, {machine['cores_usable']} cores"
 
-    def markdown(self, picture):
+    def markdown(self, stem, pictures):
+        def image(name, suffix):
+            return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
+
+        estimates = f"{stem}-estimates.svg"
         parts = [
             f"# Benchmark of {self.about['date'][:10]}, commit {self.about['commit']['hash']}{self.dirty(' with changes')}",
             self.failures(),
             self.about_text(),
-            f"![relL2 against seconds]({picture})" if picture else "",
+            image("relL2 against seconds", ".svg"),
+            image("relL2 against seconds, every method, on the frames that all were run on", "-all.svg"),
             "## Goals\n\n" + self.goals_table(),
             "## relL2 ÷ the denoiser's\n\n" + self.ratio_table(),
             "## Seconds, file to file\n\n" + self.seconds_table(),
             "## Where the seconds go\n\n" + self.split_table(),
-            "## Equal time\n\n" + self.equal_time_text(),
+            "## Equal error, equal time\n\n" + self.equal_time_text(),
+            "## Predicted and true error\n\n" + calibration.text(self.results, table, estimates if estimates in pictures else None),
         ]
         return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -253,8 +265,9 @@ class Record:
 
     def equal_time_text(self):
         figures_of = self.equal_times()
+        needed = equal_time.text(self, table)
         if not figures_of:
-            return "Not computed: it needs the frames' render times (`--render-seconds FRAME=SECONDS`), and none was given."
+            return needed
         note = (
             "What the column's seconds would have bought as samples: the noisy picture's relL2 falls with 1 / samples; the denoiser's is read "
             "off a straight line in log-log through the sample counts of the scene (- with only one). All relL2 absolute."
@@ -264,7 +277,7 @@ class Record:
             [e["frame"], e["column"], f"{e['render_seconds']:g}", number(e["factor"], 2), number(e["noisy"], 5), number(e["denoised"], 5), number(e["corrected"], 5)]
             for e in figures_of
         ]
-        return note + "\n\n" + table(headings, body)
+        return needed + "\n\n" + note + "\n\n" + table(headings, body)
 
 
 def number(value, digits=3):
@@ -281,9 +294,23 @@ def table(headings, body):
     return "\n".join("| " + " | ".join(str(c).replace("|", "\\|") for c in line) + " |" for line in lines)
 
 
+def name_of(about):
+    """DATE-COMMIT, and -dirty where the working tree was changed."""
+    commit = about["commit"]
+    return f"{about['date'][:10]}-{commit['hash']}" + ("-dirty" if commit["dirty"] else "")
+
+
+def write_all(folder, texts):
+    """Writes files by their names; their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    return [folder / name for name in texts]
+
+
 def free_stem(folder, stem):
     """The stem, or stem-2, stem-3 ... where a record of that name exists: records are never overwritten."""
-    stems, count = {path.stem for path in Path(folder).iterdir()}, 1
+    stems, count = {path.stem for path in Path(folder).glob("*")}, 1
     candidate = stem
     while candidate in stems:
         count += 1

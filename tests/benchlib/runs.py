@@ -25,6 +25,8 @@ class Failed(Exception):
 class Programs:
     train: Path
     infer: Path
+    # The example that derives frames.
+    edit: Path
     # Interpreter with PyTorch, and the folder of the reference implementation.
     python: Path | None
     reference_py: Path

@@ -203,7 +203,7 @@ class WholeCommand(unittest.TestCase):
                 path.chmod(path.stat().st_mode | stat.S_IXUSR)
             os.environ.update(SAID=said, FOUND=found, CODE=code)
             output = Path(folder, "records")
-            words = ["--bin-dir", folder, "-o", str(output), "--presets", "fast", *arguments]
+            words = ["--bin-dir", folder, "-o", str(output), "--methods", "sspc", "--presets", "fast", *arguments]
             with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as errors:
                 exit_code = command.main(words)
             texts = {path.suffix: path.read_text() for path in output.iterdir()}

@@ -1,0 +1,120 @@
+"""What the fits predict of their own error against what the references say: coverage figures and points to plot."""
+
+from dataclasses import dataclass
+from statistics import median
+
+# In the order of the table.
+DENOISED, CORRECTED, GAIN = "error of the denoised picture", "error of the corrected picture", "gain (denoised less corrected)"
+WHATS = (DENOISED, CORRECTED, GAIN)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    frame: str
+    column: str
+    what: str
+    predicted: float
+    # None: the fit could not tell.
+    standard_error: float | None
+    truth: float
+
+    def within(self, errors):
+        """Whether the truth lies within so many standard errors; None where there is none."""
+        if self.standard_error is None:
+            return None
+        return abs(self.truth - self.predicted) <= errors * self.standard_error
+
+
+def predictions(results):
+    """Of every successful result that has an estimate and a reference.
+
+    An estimate is of the mean of both halves; where the report has relL2 of those pictures (`halves`), that is the
+    truth, else that of the full buffer's, which is lower. The denoised picture's is the same for every seed and
+    repeat, and nearly so for every preset: it is taken once a frame.
+    """
+    out, seen = [], set()
+    for result in results:
+        known, report = result.get("rel_l2"), result.get("report") or {}
+        estimate = report.get("estimate")
+        if result["failure"] or not known or not estimate or result["repeat"] > 0:
+            continue
+        true = known.get("halves") or known
+        of = {DENOISED: true["denoised"], CORRECTED: true["corrected"], GAIN: true["denoised"] - true["corrected"]}
+        said = {DENOISED: estimate.get("denoised"), CORRECTED: estimate.get("corrected"), GAIN: gain(estimate)}
+        for what in WHATS:
+            if not said[what] or (what == DENOISED and result["frame"] in seen):
+                continue
+            mean = said[what]
+            out.append(Prediction(result["frame"], result["column"], what, mean["value"], mean.get("standard_error"), of[what]))
+        seen.add(result["frame"])
+    return out
+
+
+def gain(estimate):
+    """The estimated gain: as reported, else the difference, of which the standard error is not known."""
+    if estimate.get("gain"):
+        return estimate["gain"]
+    if estimate.get("denoised") and estimate.get("corrected"):
+        return {"value": estimate["denoised"]["value"] - estimate["corrected"]["value"], "standard_error": None}
+    return None
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Figures of all predictions of one kind."""
+
+    count: int
+    # Shares of those with a standard error; None without any.
+    within_one: float | None
+    within_two: float | None
+    # Median of predicted over true.
+    ratio: float
+    # Predictions that are 0 or below; for the gain, those whose sign is not the truth's.
+    not_positive: int
+    wrong_sign: int
+
+
+def coverage(predictions):
+    """Raises ValueError without any prediction."""
+    if not predictions:
+        raise ValueError("no prediction")
+    told = [p for p in predictions if p.standard_error is not None]
+
+    def share(errors):
+        return sum(p.within(errors) for p in told) / len(told) if told else None
+
+    return Coverage(
+        len(predictions),
+        share(1),
+        share(2),
+        median(p.predicted / p.truth for p in predictions),
+        sum(p.predicted <= 0 for p in predictions),
+        sum((p.predicted > 0) != (p.truth > 0) for p in predictions),
+    )
+
+
+NOTE = (
+    "Predictions are `estimate` of report.json, made without the reference, against relL2 of the same pictures (means of both halves) by the "
+    "reference. Standard errors that tell the whole uncertainty would hold the truth in 68 % and 95 % of the cases; frames of one shot and "
+    "presets on one frame are no independent cases."
+)
+
+
+def text(results, table, picture):
+    """The section's text; `table` makes a Markdown table, `picture` is the plot's file name."""
+    found = predictions(results)
+    if not found:
+        return "No run with a reference told an estimate."
+    headings = ["prediction", "cases", "truth within 1 s.e.", "within 2 s.e.", "predicted ÷ true, median", "predicted ≤ 0", "wrong sign"]
+    body = []
+    for what in WHATS:
+        of = [p for p in found if p.what == what]
+        if of:
+            c = coverage(of)
+            body.append([what, c.count, percent(c.within_one), percent(c.within_two), f"{c.ratio:.2f}", c.not_positive, c.wrong_sign])
+    image = f"![predicted against true relL2]({picture})\n\n" if picture else ""
+    return f"{image}{NOTE}\n\n{table(headings, body)}"
+
+
+def percent(share):
+    return "-" if share is None else f"{100 * share:.0f} %"
