@@ -86,28 +86,31 @@ class Ablations:
     """Figures of all variants. `about` as a benchmark's record has it."""
 
     def __init__(self, about, frames, preset, results):
-        self.about, self.frames, self.preset, self.results = about, frames, preset, results
+        self.about, self.preset, self.results = about, preset, results
         self.cells = figures.cells(results)
+        # Means are over the frames that every variant has: an interrupted run leaves the last one half done.
+        self.frames = [f for f in frames if all(self.measured(f.name, v) for v in VARIANTS)]
+
+    def measured(self, frame, variant):
+        cell = self.cell(frame, variant)
+        return cell is not None and cell.ratio is not None
 
     def cell(self, frame, variant):
         return self.cells.get((frame, column(title(variant), self.preset)))
 
     def mean(self, variant, value):
-        """Geometric mean of value(cell) over the frames; None where one lacks."""
-        known = [self.cell(f.name, variant) for f in self.frames]
-        if not known or any(c is None or value(c) is None for c in known):
-            return None
-        return figures.geometric_mean(value(c) for c in known)
+        """Geometric mean of value(cell) over the frames."""
+        return figures.geometric_mean(value(self.cell(f.name, variant)) for f in self.frames)
 
     def table(self, table):
         """relL2 over the denoiser's and processor seconds of every variant, and both against the preset as it is."""
+        if not self.frames:
+            return "No frame was measured with every variant."
         base = VARIANTS[0]
         own = [self.mean(base, lambda c: c.ratio), self.mean(base, lambda c: c.cpu_seconds)]
         body = []
         for v in VARIANTS:
             now = [self.mean(v, lambda c: c.ratio), self.mean(v, lambda c: c.cpu_seconds)]
-            if now[0] is None:
-                continue
             known = [(self.cell(f.name, v).ratio, f.name) for f in self.frames]
             worst = max(known)
             against = ["-" if not then else f"{100 * (value / then - 1):+.1f} %" for value, then in zip(now, own)]
@@ -115,7 +118,7 @@ class Ablations:
         return table(["", "variant", "relL2 ÷ denoiser's", "against as it is", "worst frame", "cpu s", "against as it is"], body)
 
     def frame_table(self, table):
-        names = [f.name for f in self.frames]
+        names = list(dict.fromkeys(r["frame"] for r in figures.succeeded(self.results) if r["column"] == column(AS_IT_IS, self.preset)))
         body = []
         for v in VARIANTS:
             cells = [self.cell(name, v) for name in names]

@@ -32,8 +32,8 @@ def main(arguments=None):
     programs = find_programs(options)
     if options.pin:
         os.sched_setaffinity(0, options.pin)
-    found = frames.sample(REPOSITORY) if fnmatchcase(frames.SAMPLE, options.only) else []
-    found += frames.find(options.frames, options.only) if options.frames else []
+    found = frames.sample(REPOSITORY) + (frames.find(options.frames) if options.frames else [])
+    found = [frame for frame in found if any(fnmatchcase(frame.name, glob) for glob in options.only)]
     for name in set(render_seconds) - {frame.name for frame in found}:
         print(f"bench: --render-seconds: no frame {name} is measured", file=sys.stderr)
     with tempfile.TemporaryDirectory(prefix="sspc-bench-") as scratch:
@@ -120,7 +120,7 @@ def command_line():
         prog="tests/bench", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--frames", type=folder, metavar="DIR", help="folder of scenes, measured besides the repository's frame")
-    parser.add_argument("--only", default="*", metavar="GLOB", help="frames to measure, by name, e.g. 'staircase/*' or sample")
+    parser.add_argument("--only", type=names, default=("*",), metavar="GLOB,GLOB", help="frames to measure, by name, e.g. 'staircase/*,sample'")
     presets = ("fast", "balanced", "quality")
     parser.add_argument("--presets", type=names, default=presets, metavar="A,B", help="presets to run, 'none' for none (default: all three)")
     parser.add_argument("--methods", type=method_names, default=("sspc", "fc"), metavar="A,B",

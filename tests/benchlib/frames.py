@@ -11,7 +11,6 @@ P is usually the sample count, "64spp".
 
 import re
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 SAMPLE = "sample"
@@ -50,10 +49,10 @@ class Frame:
         return [str(self.a), str(self.b), *options]
 
 
-def find(root, only="*"):
-    """Frames of every folder in `root` whose name matches the glob `only`, in a stable order."""
+def find(root):
+    """Frames of every folder in `root`, in a stable order."""
     folders = sorted(path for path in Path(root).iterdir() if path.is_dir())
-    return [f for folder in folders for f in in_folder(folder, folder.name) if fnmatchcase(f.name, only)]
+    return [frame for folder in folders for frame in in_folder(folder, folder.name)]
 
 
 def in_folder(folder, scene):
