@@ -114,8 +114,9 @@ unsafe fn activation<S: Simd>(channel: usize, o: S::F) -> (S::F, S::F) {
             BANDWIDTHS..CENTRE => {
                 let (softplus, slope) = softplus::<S>(o);
                 let value = S::div(S::splat(1.0), S::fma(softplus, softplus, S::splat(FLOOR)));
-                let slope = S::mul(S::mul(S::splat(-2.0), softplus), slope);
-                (value, S::mul(slope, S::mul(value, value)))
+                // Small factors first: softplus alone may be as large as f32 goes.
+                let slope = S::mul(S::mul(S::splat(-2.0), slope), value);
+                (value, S::mul(slope, S::mul(softplus, value)))
             }
             CENTRE => {
                 let (softplus, slope) = softplus::<S>(o);
@@ -209,13 +210,15 @@ impl Kernel for ActivateBackward<'_> {
 pub fn activation_f64(channel: usize, o: f64) -> (f64, f64) {
     let sigmoid = 1.0 / (1.0 + (-o).exp());
     let softplus = o.max(0.0) + (-o.abs()).exp().ln_1p();
+    // The derivative of 1 / (1 + e^-o), without a difference of nearly equal numbers.
+    let bell = |o: f64| (-o.abs()).exp() / (1.0 + (-o.abs()).exp()).powi(2);
     match channel {
-        0..SLOPE_COUNT => (o.tanh(), 1.0 - o.tanh() * o.tanh()),
+        0..SLOPE_COUNT => (o.tanh(), 4.0 * bell(2.0 * o)),
         BANDWIDTHS..CENTRE => {
             let value = 1.0 / (softplus * softplus + 1e-4);
             (value, -2.0 * softplus * sigmoid * value * value)
         }
         CENTRE => (softplus + 1e-4, sigmoid),
-        _ => (sigmoid, sigmoid * (1.0 - sigmoid)),
+        _ => (sigmoid, bell(o)),
     }
 }

@@ -130,4 +130,28 @@ mod tests {
         assert!(plan.runs().is_empty() && plan.active_share == 0.0);
         assert!(!plan.touches(&Region { top: 0, left: 0, height: 20, width: 50 }));
     }
+
+    #[test]
+    fn missing_pixels_are_no_noise() {
+        let still = Image::filled(FEATURE_CHANNELS, 20, 50, 0.5);
+        let mut spotted = still.clone();
+        spotted.set(2, 3, 40, 0.6);
+        let mut valid = Image::filled(1, 20, 50, 1.0);
+        let halves = [still, spotted];
+        assert_eq!(Plan::new(&halves, Some(&valid)).runs(), [Region { top: 0, left: 32, height: 8, width: 16 }]);
+        valid.set(0, 3, 40, 0.0);
+        assert!(Plan::new(&halves, Some(&valid)).runs().is_empty());
+    }
+
+    #[test]
+    fn the_smallest_difference_is_noise() {
+        // Halves that are equal but for one pixel by one bit, and one of them zero.
+        for value in [0.5, 0.0] {
+            let still = Image::filled(FEATURE_CHANNELS, 9, 9, value);
+            let mut other = still.clone();
+            other.set(0, 8, 8, f32::from_bits(value.to_bits() + 1));
+            let plan = Plan::new(&[still, other], None);
+            assert_eq!(plan.runs(), [Region { top: 8, left: 0, height: 1, width: 9 }]);
+        }
+    }
 }

@@ -17,6 +17,8 @@ pub struct Pixel {
     pub inverse: f64,
     /// Gradient of the parameters given that of μ̂.
     pub gradient: Vec<f64>,
+    /// What each gradient is the sum of, without signs: its rounding is relative to this.
+    pub gradient_magnitude: Vec<f64>,
 }
 
 /// g_c at pixel (y, x) with activated `parameters`, and the gradient of `upstream · μ̂`.
@@ -66,10 +68,11 @@ pub fn pixel(
     let sizes = |u: [f64; 3], d: &[[f64; 3]; 3], k: usize| {
         u[k].abs() + (0..3).map(|f| (parameters[SLOPES + 3 * f + k] * d[f][k]).abs()).sum::<f64>()
     };
-    let mut magnitude: [f64; 3] =
+    let of_g: [f64; 3] =
         std::array::from_fn(|k| terms.iter().map(|t| t.0 * sizes(t.1, &t.3, k)).sum::<f64>() * inverse);
+    let mut magnitude = of_g;
 
-    let mut gradient = vec![0.0; form.parameters()];
+    let (mut gradient, mut sizes_of_gradient) = (vec![0.0; form.parameters()], vec![0.0; form.parameters()]);
     let z = triple(DENOISED, here);
     let (corrected, by_g) = match form {
         Form::Paper => (g, upstream),
@@ -77,23 +80,29 @@ pub fn pixel(
             let s = parameters[GATE];
             (0..3).for_each(|k| magnitude[k] += z[k].abs());
             gradient[GATE] = dot(upstream, minus(g, z));
+            sizes_of_gradient[GATE] = (0..3).map(|k| upstream[k].abs() * magnitude[k]).sum();
             (std::array::from_fn(|k| z[k] + s * (g[k] - z[k])), upstream.map(|v| v * s))
         }
     };
     let held = if weight > floor { dot(by_g, g) } else { 0.0 };
     for (i, (w, u, distances, differences)) in terms.iter().enumerate() {
         let by_weight = (dot(by_g, *u) - held) * inverse;
+        let size: f64 = (0..3).map(|k| by_g[k].abs() * (sizes(*u, differences, k) + of_g[k]) * inverse).sum();
         if i == 0 {
             gradient[CENTRE] = by_weight * valid(here);
+            sizes_of_gradient[CENTRE] = size * valid(here);
         }
         for (m, d) in distances.iter().enumerate() {
             gradient[BANDWIDTHS + m] -= by_weight * w * d;
+            sizes_of_gradient[BANDWIDTHS + m] += size * w * d;
         }
         for (f, d) in differences.iter().enumerate() {
             for k in 0..3 {
-                gradient[SLOPES + 3 * f + k] += by_g[k] * inverse * w * d[k];
+                let term = by_g[k] * inverse * w * d[k];
+                gradient[SLOPES + 3 * f + k] += term;
+                sizes_of_gradient[SLOPES + 3 * f + k] += term.abs();
             }
         }
     }
-    Pixel { g, corrected, magnitude, inverse, gradient }
+    Pixel { g, corrected, magnitude, inverse, gradient, gradient_magnitude: sizes_of_gradient }
 }

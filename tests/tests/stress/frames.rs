@@ -1,0 +1,96 @@
+//! Frames in a file's units, and the whole way from frame to picture.
+
+use sspc_core::corrector::parameters;
+use sspc_core::features::{ALBEDO, DENOISED, NORMAL, RADIANCE, VISIBILITY};
+use sspc_core::finish::{Finished, finish, picture};
+use sspc_core::frame::{Frame, HalfBuffer, Reference};
+use sspc_core::gc::Taps;
+use sspc_core::image::Image;
+use sspc_core::io::{FrameFiles, RoleOverrides, read_frame, read_reference};
+use sspc_core::network::Network;
+use sspc_core::prepare::Prepared;
+use sspc_core::simd::Isa;
+use sspc_train::backend::Backend;
+use sspc_train::fit::{Control, Fitted, Limits, fit, starting_network};
+use sspc_train::preset::Settings;
+use std::path::PathBuf;
+
+/// The textured scene of the kernels' cases as a frame with every role.
+pub fn synthetic(height: usize, width: usize) -> Frame {
+    let case = crate::cases::usual(height, width);
+    let half = |features: &Image| {
+        let planes = |first: usize, count: usize| {
+            let data = (first..first + count).flat_map(|c| features.plane(c).to_vec()).collect();
+            Image::from_planes(count, height, width, data)
+        };
+        HalfBuffer {
+            radiance: planes(RADIANCE, 3),
+            denoised: planes(DENOISED, 3),
+            albedo: Some(planes(ALBEDO, 3)),
+            normal: Some(planes(NORMAL, 3)),
+            visibility: Some(planes(VISIBILITY, 1)),
+        }
+    };
+    let (a, b) = (half(&case.halves[0]), half(&case.halves[1]));
+    let denoised = Some(Image::mean_of(&a.denoised, &b.denoised));
+    Frame { a, b, denoised, sources: Vec::new(), warnings: Vec::new() }
+}
+
+/// A part of the repository's sample frame with every role.
+pub fn sample(top: usize, left: usize, height: usize, width: usize) -> Frame {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("data/sample");
+    let files = FrameFiles::halves(folder.join("a.exr"), folder.join("b.exr"));
+    let files = files.with_denoised(None, None, Some(folder.join("denoised.exr")));
+    let whole = read_frame(&files, &RoleOverrides::none()).expect("the sample frame");
+    changed(&whole, |image| image.crop(top, left, height, width))
+}
+
+/// The sample frame's reference.
+pub fn reference() -> Reference {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("data/sample");
+    read_reference(&folder.join("ref.exr"), None).expect("the sample's reference")
+}
+
+/// The frame with every image changed.
+pub fn changed(frame: &Frame, change: impl Fn(&Image) -> Image) -> Frame {
+    let half = |h: &HalfBuffer| HalfBuffer {
+        radiance: change(&h.radiance),
+        denoised: change(&h.denoised),
+        albedo: h.albedo.as_ref().map(&change),
+        normal: h.normal.as_ref().map(&change),
+        visibility: h.visibility.as_ref().map(&change),
+    };
+    Frame {
+        a: half(&frame.a),
+        b: half(&frame.b),
+        denoised: frame.denoised.as_ref().map(&change),
+        sources: Vec::new(),
+        warnings: Vec::new(),
+    }
+}
+
+/// The frame with all radiance times `factor`.
+pub fn scaled(frame: &Frame, factor: f32) -> Frame {
+    let mut frame = frame.clone();
+    let Frame { a, b, denoised, .. } = &mut frame;
+    let images = [&mut a.radiance, &mut a.denoised, &mut b.radiance, &mut b.denoised];
+    for image in images.into_iter().chain(denoised) {
+        image.data_mut().iter_mut().for_each(|v| *v *= factor);
+    }
+    frame
+}
+
+/// Fits a frame for `steps`.
+pub fn fitted(prepared: &Prepared, settings: &Settings, steps: Option<usize>) -> Fitted {
+    let limits = Limits { steps, time: None };
+    let start = starting_network(settings);
+    fit(&[prepared], settings, start, &limits, Backend::Flex, Isa::best(), |_| Control::Continue)
+}
+
+/// Corrects a frame as the command line does.
+pub fn corrected(frame: &Frame, prepared: &Prepared, settings: &Settings, network: &Network) -> (Image, Finished) {
+    let (isa, taps) = (Isa::best(), Taps::square(settings.radius));
+    let planes = [0, 1].map(|h| parameters(isa, settings.form, network, &prepared.halves[h], &prepared.plan));
+    let finished = finish(isa, settings.form, &taps, settings.composition, prepared, [&planes[0], &planes[1]]);
+    (picture(frame, prepared, &finished), finished)
+}
