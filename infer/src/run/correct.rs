@@ -181,9 +181,9 @@ impl Band<'_> {
         let begin = Instant::now();
         let prepared = Prepared::by_survey(&frame, self.survey);
         let colours = match frame {
-            Cow::Borrowed(whole) => Cow::Borrowed(whole),
+            Cow::Borrowed(whole) if inner.len() == whole.height() => Cow::Borrowed(whole),
             // The rest of what was read is of no use any more.
-            Cow::Owned(band) => Cow::Owned(band.colours(inner.start, inner.len())),
+            band => Cow::Owned(band.colours(inner.start, inner.len())),
         };
         seconds.features += begin.elapsed().as_secs_f64();
 
