@@ -96,7 +96,7 @@ def run_all(todo, found, programs, options, arguments, scratch, problems):
         "commit": head,
         "programs": [machine.program(path, head) for path in measured],
         "machine": machine.machine(options.threads),
-        "command": shlex.join(["tests/bench", *(sys.argv[1:] if arguments is None else arguments)]),
+        "command": shown(sys.argv[1:] if arguments is None else arguments),
         "steps_limit": options.steps,
         "seeds": options.seeds,
         "planned": len(todo),
@@ -113,6 +113,18 @@ def run_all(todo, found, programs, options, arguments, scratch, problems):
         if not machine.unchanged(path, program):
             about["problems"].append(f"{program['name']} was rebuilt while it was measured")
     return results, about | {"ended": ended, "load_average_after": machine.load()}
+
+
+def shown(arguments):
+    """The command without the folders of this machine that decide nothing."""
+    words, left_out = [], False
+    for word in arguments:
+        name, mark, _ = word.partition("=")
+        local = name in ("--bin-dir", "--keep", "-o", "--output")
+        if not local and not left_out:
+            words.append(word)
+        left_out = local and not mark
+    return shlex.join(["tests/bench", *words])
 
 
 def command_line():
