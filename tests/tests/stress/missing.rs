@@ -156,6 +156,7 @@ fn missing_pixels_hardly_move_the_exposure() {
 fn nothing_spreads_in_the_inference_engine_either() {
     let frame = synthetic(SIDE, SIDE);
     let mut contract = Contract::new(settings().form);
+    contract.shape = network().shape;
     contract.exposure = Exposure::AsIs;
     let whole = contract.shape.radius() + margin(&Taps::square(contract.window_radius), contract.composition);
     for kernels in [Kernels::Fused(Isa::best()), Kernels::Tract] {
