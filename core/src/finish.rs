@@ -97,6 +97,7 @@ pub struct Part {
 pub struct Tally {
     loss_denoised: Blocks,
     loss_corrected: Blocks,
+    loss_unjudged: Blocks,
     gain: Blocks,
     error_denoised: Blocks,
     error_corrected: Blocks,
@@ -106,6 +107,8 @@ pub struct Tally {
 #[derive(Clone, Debug)]
 pub struct Verdict {
     pub loss: Losses,
+    /// Loss of the correction as the model gives it, before any judgement.
+    pub model_loss: f64,
     pub estimate: Estimate,
     pub fallback: Option<String>,
 }
@@ -115,6 +118,7 @@ impl Tally {
     pub fn append(&mut self, next: Tally) {
         self.loss_denoised.append(next.loss_denoised);
         self.loss_corrected.append(next.loss_corrected);
+        self.loss_unjudged.append(next.loss_unjudged);
         self.gain.append(next.gain);
         self.error_denoised.append(next.error_denoised);
         self.error_corrected.append(next.error_corrected);
@@ -136,6 +140,7 @@ impl Tally {
             None => (&self.loss_corrected, &self.error_corrected),
         };
         Verdict {
+            model_loss: self.loss_unjudged.mean().value,
             loss: Losses { denoised: self.loss_denoised.mean().value, corrected: loss.mean().value },
             estimate: Estimate {
                 denoised: self.error_denoised.mean(),
@@ -159,7 +164,7 @@ pub fn finish(
     let rows = 0..prepared.height();
     let Part { mut correction, mut share, mut halves, tally } =
         finish_rows(isa, form, taps, composition, prepared, parameters, rows);
-    let Verdict { loss, estimate, fallback } = tally.verdict(composition);
+    let Verdict { loss, estimate, fallback, .. } = tally.verdict(composition);
     if fallback.is_some() {
         correction.data_mut().fill(0.0);
         share.data_mut().fill(0.0);
@@ -210,6 +215,7 @@ pub fn finish_rows(
     let tally = Tally {
         loss_denoised: estimate::loss(prepared, &denoised, rows.clone()),
         loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
+        loss_unjudged: estimate::loss(prepared, &halves, rows.clone()),
         gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
         error_denoised: estimate::estimate(prepared, &denoised, rows.clone()),
         error_corrected: estimate::estimate(prepared, &blended, rows.clone()),

@@ -223,5 +223,8 @@ fn a_picture_without_any_value_is_refused() {
     let picture = sspc_core::image::Image::filled(3, H, W, f32::NAN);
     sspc_core::io::write::write_picture(&nan, &[], &picture, &[]).expect("written");
     let overrides = format!("radiance-b={}", nan.display());
-    assert_says(&error_with(&FrameFiles::halves(&a, &b), &[&overrides]), &["nan.exr", "no finite value", "half b"]);
+    assert_says(
+        &error_with(&FrameFiles::halves(&a, &b), &[&overrides]),
+        &["nan.exr", "only NaN or infinity", "half b"],
+    );
 }

@@ -2,10 +2,11 @@
 #![forbid(unsafe_code)]
 
 use clap::Parser;
-use sspc_infer::{cli, failure, interrupt};
+use sspc_infer::{cli, clock, failure, interrupt};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    clock::start();
     let arguments = cli::Arguments::parse();
     interrupt::listen();
     failure::exit_code(cli::run(arguments))

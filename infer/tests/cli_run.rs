@@ -3,7 +3,8 @@
 mod common;
 
 use sspc_core::image::Image;
-use sspc_core::io::read_picture;
+use sspc_core::io::{read_picture, read_reference};
+use sspc_core::metric::rel_l2;
 use sspc_core::network::start;
 use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
@@ -88,6 +89,8 @@ fn one_frame_is_corrected_and_described() {
     for time in ["read", "features", "network", "finish", "write", "total"] {
         assert!(json["seconds"][time].as_f64().expect(time) > 0.0, "{time}");
     }
+    let first_tile = json["first_tile_after"].as_f64().expect("a time");
+    assert!(0.0 < first_tile && first_tile < json["seconds"]["total"].as_f64().expect("a time"), "{first_tile}");
     assert!(json["loss"]["corrected"].as_f64() < json["loss"]["denoised"].as_f64());
 }
 
@@ -262,4 +265,62 @@ fn info_says_what_a_model_is() {
             assert!(said.contains(words), "'{words}' in\n{said}");
         }
     }
+}
+
+/// A model of constant parameters: slopes of z at -1 over the widest windows, which takes away what detail the denoiser
+/// left, behind a gate of this output before activation.
+fn bad_model(gate: f32) -> Model {
+    let contract = Contract::new(Form::Gated);
+    let mut weights = vec![0.0; contract.shape.parameter_count()];
+    let biases = weights.len() - 16;
+    // Outputs before activation: see onnx/README.md.
+    let raw = [[-9.0; 3], [0.0; 3], [0.0; 3]].concat().into_iter().chain([90.0; 5]).chain([-9.0, gate]);
+    raw.enumerate().for_each(|(i, o)| weights[biases + i] = o);
+    Model::new(contract, weights).expect("a model")
+}
+
+fn report(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(path).expect("sidecar")).expect("JSON")
+}
+
+#[test]
+fn a_frame_unlike_those_fitted_on_is_noticed_and_not_made_worse() {
+    let folder = shot();
+    let full = sample("denoised.exr");
+    let arguments =
+        ["a.0001.exr", "b.0001.exr", "-o", "out/c.exr", "--json", "--denoised", full.to_str().expect("UTF-8")];
+    let good = run(folder.path(), &arguments);
+    let said_of_good = report(&folder.path().join("out/c.json"));
+    assert!(said_of_good.get("unlike").is_none() && !stderr(&good).contains("unlike"), "{}", stderr(&good));
+
+    std::fs::write(folder.path().join("model.onnx"), write_network(&bad_model(9.0))).expect("model");
+    let bad = run(folder.path(), &arguments);
+    assert_eq!(bad.status.code(), Some(0), "{}", stderr(&bad));
+    assert!(stderr(&bad).contains("unlike those that the model was fitted on"), "{}", stderr(&bad));
+    let said = report(&folder.path().join("out/c.json"));
+    assert!(said["unlike"].is_string(), "{said}");
+    let loss = |of: &str| said["loss"][of].as_f64().expect(of);
+    assert!(said["model_loss"].as_f64().expect("a loss") > 1.2 * loss("denoised"), "{said}");
+    assert!(loss("corrected") <= loss("denoised"), "{said}");
+    // What is wrong was cut away by the judgement: the true error tells.
+    let reference = read_reference(&sample("ref.exr"), None).expect("reference");
+    let error = |path: &Path| rel_l2(&picture(path), &reference).value;
+    let (ours, denoiser) = (error(&folder.path().join("out/c.exr")), error(&sample("denoised.exr")));
+    assert!(ours <= 1.01 * denoiser, "relL2 {ours} after {denoiser}");
+}
+
+#[test]
+fn a_model_that_changes_nothing_leaves_the_denoisers_picture_bit_for_bit() {
+    let folder = shot();
+    std::fs::write(folder.path().join("model.onnx"), write_network(&bad_model(-200.0))).expect("model");
+    let full = sample("denoised.exr");
+    let arguments =
+        ["a.0001.exr", "b.0001.exr", "-o", "out/c.exr", "--json", "--denoised", full.to_str().expect("UTF-8")];
+    let output = run(folder.path(), &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stderr(&output).contains("the picture is the denoiser's"), "{}", stderr(&output));
+    let said = report(&folder.path().join("out/c.json"));
+    assert!(said["fallback"].is_string() && said["mean_share"] == 0.0, "{said}");
+    let bits = |path: &Path| picture(path).data().iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+    assert!(bits(&folder.path().join("out/c.exr")) == bits(&full), "another picture");
 }

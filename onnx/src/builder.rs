@@ -59,10 +59,10 @@ impl GraphBuilder {
         self.initializer(name, dims, data_type::INT64, raw)
     }
 
-    /// A one-dimensional bool initialiser.
-    pub fn bools(&mut self, name: &str, values: &[bool]) -> String {
+    /// A bool initialiser.
+    pub fn bools(&mut self, name: &str, dims: &[usize], values: &[bool]) -> String {
         let raw = values.iter().map(|&v| v as u8).collect();
-        self.initializer(name, &[values.len()], data_type::BOOL, raw)
+        self.initializer(name, dims, data_type::BOOL, raw)
     }
 
     fn initializer(&mut self, name: &str, dims: &[usize], kind: i32, raw: Vec<u8>) -> String {

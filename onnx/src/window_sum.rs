@@ -37,22 +37,28 @@ pub(crate) fn add_window_sums(graph: &mut GraphBuilder, radius: usize) {
         let padded = format!("{}_wide", term.value);
         graph.op_with("Gather", &[term.value, "column_indices"], &padded, vec![int("axis", 3)]);
     }
-    for (like, shape, zeros) in [("y", "colour_shape", "colour_zeros"), ("tau", "weight_shape", "weight_zeros")] {
-        graph.op("Shape", &[like], shape);
-        // The value is ONNX's default, but tract 0.23 takes that default for float64.
-        graph.op_with("ConstantOfShape", &[shape], zeros, vec![tensor("value", 0.0)]);
-    }
-    let centre: Vec<bool> = (0..=2 * radius).map(|row| row == radius).collect();
-    graph.bools("row_is_centre", &centre);
-
     let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
-    let mut inputs = vec!["colour_zeros"; summed.len()];
-    inputs.extend(["weight_zeros", "window_rows", "row_is_centre"]);
+    // A start of its own for every sum, and the constant outside the body: burn-onnx 0.22 reads it so.
+    let mut inputs: Vec<String> = summed.iter().map(|term| zeros_like(graph, term.value)).collect();
+    inputs.push(zeros_like(graph, "tau"));
+    graph.floats("f_one", &[], &[1.0]);
+    let centre: Vec<bool> = (0..=2 * radius).map(|row| row == radius).collect();
+    // A tensor for each row, not a scalar, for the same reason.
+    graph.bools("row_is_centre", &[centre.len(), 1, 1, 1, 1], &centre);
+    inputs.extend(["window_rows", "row_is_centre"].map(String::from));
+    let inputs: Vec<&str> = inputs.iter().map(String::as_str).collect();
     let mut outputs: Vec<String> = summed.iter().map(|t| format!("{}_sum", t.value)).collect();
     outputs.push("weight_sum".into());
     let outputs: Vec<&str> = outputs.iter().map(String::as_str).collect();
     let attributes = vec![subgraph("body", row_body(radius)), int("num_scan_inputs", 2)];
     graph.node("Scan", &inputs, &outputs, attributes);
+}
+
+/// Zeros of the shape of `value`.
+fn zeros_like(graph: &mut GraphBuilder, value: &str) -> String {
+    let shape = graph.op("Shape", &[value], &format!("{value}_shape"));
+    // The value is ONNX's default, but tract 0.23 takes that default for float64.
+    graph.op_with("ConstantOfShape", &[&shape], &format!("{value}_zeros"), vec![tensor("value", 0.0)])
 }
 
 /// `column_indices` `[W + 2 radius]`: the pixel that a padded column shows, mirrored at the borders with
@@ -105,10 +111,9 @@ fn row_body(radius: usize) -> GraphProto {
     }
     body.input("weight_sum_in", data_type::FLOAT, &free(1));
     body.input("rows", data_type::INT32, &[Dim::Free]);
-    body.input("is_centre", data_type::BOOL, &[]);
+    body.input("is_centre", data_type::BOOL, &[Dim::Size(1); 4]);
 
     body.ints("shift_axis", &[1], &[3]);
-    body.floats("f_one", &[], &[1.0]);
     for term in &TERMS {
         let wide = format!("{}_wide", term.value);
         let row = format!("{}_row", term.value);

@@ -19,7 +19,8 @@ use sspc_core::image::Image;
 use sspc_core::plan::Plan as PicturePlan;
 use sspc_onnx::Model;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
+use std::time::Instant;
 use tiles::TileGrid;
 
 /// Side of the tiles when nobody asks for another, pixels: large enough that the halo costs little,
@@ -33,16 +34,22 @@ pub struct Engine {
     tile: usize,
     /// Plans by window size (height, width); a picture needs one.
     plans: Mutex<HashMap<(usize, usize), Arc<Plan>>>,
+    first_tile: OnceLock<Instant>,
 }
 
 impl Engine {
     /// An engine that works in tiles of `tile` x `tile` pixels, at least 1.
     pub fn new(model: Model, kernels: Kernels, tile: usize) -> Self {
-        Self { model, kernels, tile: tile.max(1), plans: Mutex::default() }
+        Self { model, kernels, tile: tile.max(1), plans: Mutex::default(), first_tile: OnceLock::new() }
     }
 
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// When the first tile of all was done.
+    pub fn first_tile(&self) -> Option<Instant> {
+        self.first_tile.get().copied()
     }
 
     /// The tiles of a picture.
@@ -71,7 +78,10 @@ impl Engine {
         tiles.try_for_each(|tile| {
             let (window_height, window_width) = (grid.window_height(), grid.window_width());
             let window = features.crop(tile.window_top, tile.window_left, window_height, window_width);
-            plan.run(window, tile.in_window(), |values| tile.place(values, &mut lock(&parameters)))
+            let place = |values: &[f32]| tile.place(values, &mut lock(&parameters));
+            plan.run(window, tile.in_window(), place).inspect(|()| {
+                self.first_tile.get_or_init(Instant::now);
+            })
         })?;
         Ok(parameters.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()))
     }

@@ -10,7 +10,7 @@ use crate::engine::{Engine, PlanError};
 use sspc_core::error::Error;
 use sspc_core::estimate::{BLOCK, Estimate, Losses};
 use sspc_core::fill;
-use sspc_core::finish::{Part, Tally, Verdict, finish_rows, judged_rows, margin, unfilled_picture};
+use sspc_core::finish::{Composition, Part, Tally, Verdict, finish_rows, judged_rows, margin, unfilled_picture};
 use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
@@ -46,6 +46,8 @@ pub struct Corrected {
     pub picture: Image,
     pub survey: Survey,
     pub loss: Losses,
+    /// The loss of the model's correction as it is, before any judgement.
+    pub model_loss: f64,
     pub estimate: Estimate,
     /// Why the picture is the denoiser's, if it is.
     pub fallback: Option<String>,
@@ -53,6 +55,30 @@ pub struct Corrected {
     pub mean_share: f64,
     /// Share of the pixels that were computed at all, 0..1.
     pub active_share: f64,
+}
+
+impl Corrected {
+    /// In words that the model does not suit the frame: by the self-supervised loss its correction as it is comes out
+    /// worse than the denoiser, as that of a model fitted to other scenes or noise would.
+    pub fn unlike(&self, composition: Composition) -> Option<String> {
+        let (model, denoiser) = (self.model_loss, self.loss.denoised);
+        // A loss that is not a number is no better.
+        if model <= denoiser {
+            return None;
+        }
+        let outcome = match (&self.fallback, composition) {
+            (Some(_), _) => "nothing of its correction was used".to_string(),
+            (None, Composition::JudgedFullBuffer) => {
+                format!("{:.0} % of its correction was kept, where it helps", 100.0 * self.mean_share)
+            }
+            (None, Composition::MeanOfHalves) => {
+                "the picture is as the model makes it, since it asks for no judgement".to_string()
+            }
+        };
+        Some(format!(
+            "the frame is unlike those that the model was fitted on: its loss is {model:.4}, the denoiser's {denoiser:.4}; {outcome}"
+        ))
+    }
 }
 
 /// Corrects a frame that is in memory; see [`correct_rows`].
@@ -103,7 +129,7 @@ pub fn correct_rows(
         put_rows(&mut picture, band.start, &done.picture);
     }
     let begin = Instant::now();
-    let Verdict { loss, estimate, fallback } = tally.verdict(contract.composition);
+    let Verdict { loss, model_loss, estimate, fallback } = tally.verdict(contract.composition);
     if fallback.is_some() {
         for band in bands() {
             let denoised = frame.rows(band.clone())?;
@@ -120,6 +146,7 @@ pub fn correct_rows(
         picture,
         survey,
         loss,
+        model_loss,
         estimate,
         fallback,
         mean_share: kept / pixels,

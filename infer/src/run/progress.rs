@@ -63,6 +63,12 @@ impl Progress {
                 job.output.display()
             )),
         }
+        if let Some(unlike) = &report.unlike {
+            self.say(&format!("{}: note: {unlike}", job.name()));
+        }
+        if let Some(after) = report.first_tile_after {
+            self.detail(&format!("  first tile after {after:.3} s"));
+        }
         self.detail(&format!(
             "  seconds: read {:.3}, features {:.3}, network {:.3}, g_c and judgement {:.3}, write {:.3}",
             seconds.read, seconds.features, seconds.network, seconds.finish, seconds.write

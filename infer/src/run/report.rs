@@ -3,6 +3,7 @@
 use super::correct::Corrected;
 use super::frame::Setting;
 use super::jobs::Job;
+use crate::clock;
 use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::features::FeatureSet;
@@ -88,9 +89,14 @@ pub struct Report {
     pub loss: Losses,
     /// Estimated relL2 of the mean of both halves, the denoiser's and ours.
     pub estimate: Estimate,
+    /// The same loss of the model's correction as it is, before any judgement.
+    pub model_loss: f64,
     /// Why the picture is the denoiser's, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<String>,
+    /// That the model does not suit the frame, if it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unlike: Option<String>,
     /// Mean share of the correction that the judge kept, 0..1.
     pub mean_share: f64,
     /// Share of the pixels that were computed; the others show no noise.
@@ -99,6 +105,9 @@ pub struct Report {
     pub threads: usize,
     pub tile: usize,
     pub seconds: Seconds,
+    /// Seconds from the start of the program to the first tile's parameters, of the run's first frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_tile_after: Option<f64>,
     pub peak_rss_bytes: Option<u64>,
     pub roles: Vec<Filled>,
     pub warnings: Vec<String>,
@@ -108,6 +117,7 @@ impl Report {
     /// Everything but the times.
     pub fn new(setting: &Setting, job: &Job, frame: Looks, warnings: Vec<String>, corrected: &Corrected) -> Self {
         let contract = &setting.engine.model().contract;
+        let first_tile = setting.engine.first_tile().and_then(clock::since_start);
         Report {
             version: env!("CARGO_PKG_VERSION"),
             frame: job.number,
@@ -130,13 +140,16 @@ impl Report {
             found: corrected.survey.found,
             loss: corrected.loss,
             estimate: corrected.estimate,
+            model_loss: corrected.model_loss,
             fallback: corrected.fallback.clone(),
+            unlike: corrected.unlike(contract.composition),
             mean_share: corrected.mean_share,
             active_share: corrected.active_share,
             instruction_set: setting.isa.name(),
             threads: rayon::current_num_threads(),
             tile: setting.arguments.tile,
             seconds: Seconds::default(),
+            first_tile_after: first_tile.map(|after| after.as_secs_f64()),
             peak_rss_bytes: None,
             roles: frame.sources.iter().map(Into::into).collect(),
             warnings,

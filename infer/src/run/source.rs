@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 /// Most memory that a frame may take that is held whole; larger ones are read in bands.
-const HELD_BYTES: usize = 1 << 30;
+const HELD_BYTES: usize = 512 << 20;
 /// Rows of a band that is looked over.
 const LOOKED_AT: usize = 64;
 

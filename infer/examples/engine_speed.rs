@@ -1,0 +1,126 @@
+//! Times the network by our kernels and by tract, and g_c, on made-up features:
+//! `engine_speed FOLDER HEIGHT WIDTH [REPEATS]`. Prints one JSON object a line, least of the repeats, and leaves in
+//! FOLDER network.onnx and rows.f32, the parameters of some rows, for other engines to be compared with.
+//! `tests/network-bench` runs it beside onnxruntime and PyTorch.
+
+use sspc_core::corrector::correct;
+use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
+use sspc_core::gc::Taps;
+use sspc_core::image::Image;
+use sspc_core::parameters::Form;
+use sspc_core::plan::Plan;
+use sspc_core::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
+use sspc_infer::engine::{DEFAULT_TILE, Engine, Kernels};
+use sspc_onnx::{Contract, Model, write_network};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Rows of the parameters that are written for comparison are this far apart.
+const ROW_STEP: usize = 97;
+/// Arithmetic of one tap of g_c (subtractions, products, polynomials, sums), counted in the kernel's source.
+const FLOP_A_TAP: f64 = 123.0;
+
+/// Processor time of this process so far (Linux; ticks of 10 ms): steadier than the clock on a
+/// machine that does other things too.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
+    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
+    (ticks(11) + ticks(12)) / 100.0
+}
+
+/// Fused multiply-adds that wait for nothing: the most a core can do.
+struct Peak(usize);
+
+impl Kernel for Peak {
+    type Output = f32;
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) -> f32 {
+        const CHAINS: usize = 12;
+        // SAFETY: `dispatch` has found the instruction set; nothing is loaded or stored beyond the array.
+        unsafe {
+            let (a, b) = (S::splat(0.999), S::splat(1e-3));
+            let mut sums: [S::F; CHAINS] = std::array::from_fn(|i| S::splat(i as f32));
+            for _ in 0..self.0 {
+                sums = sums.map(|sum| S::fma(sum, a, b));
+            }
+            let mut total = [0.0; MAX_LANES];
+            let sum = sums.into_iter().fold(S::zero(), |total, sum| S::add(total, sum));
+            S::store(total.as_mut_ptr(), sum);
+            total[0]
+        }
+    }
+}
+
+impl Peak {
+    fn flop(&self, isa: Isa) -> f64 {
+        let lanes = if isa == Isa::Avx512 { 16.0 } else { 8.0 };
+        2.0 * 12.0 * lanes * self.0 as f64
+    }
+}
+
+/// Prints what `work` takes, the least of the repeats in both measures.
+fn report(name: &str, flop: f64, repeats: usize, mut work: impl FnMut()) {
+    let (mut seconds, mut core_seconds) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..repeats {
+        let (start, cpu) = (Instant::now(), cpu_seconds());
+        work();
+        seconds = seconds.min(start.elapsed().as_secs_f64());
+        core_seconds = core_seconds.min(cpu_seconds() - cpu);
+    }
+    let line = serde_json::json!({
+        "name": name, "seconds": seconds, "core_seconds": core_seconds, "gflop": flop * 1e-9,
+    });
+    println!("{line}");
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [folder, height, width, ..] = &arguments[..] else { return Err("FOLDER HEIGHT WIDTH [REPEATS]".into()) };
+    let (folder, height, width): (PathBuf, usize, usize) = (folder.into(), height.parse()?, width.parse()?);
+    let repeats = arguments.get(3).map_or(Ok(3), |text| text.parse())?;
+    let contract = Contract::new(Form::Gated);
+    let count = contract.shape.parameter_count();
+    let weights = (0..count).map(|i| ((i * 7919 + 13) % 1009) as f32 / 4036.0 - 0.125).collect();
+    let model = Model::new(contract, weights)?;
+    // The same formula as in tests/benchlib/network.py.
+    let features =
+        Image::from_fn(FEATURE_CHANNELS, height, width, |c, y, x| ((c * 31 + y * 17 + x * 7) % 101) as f32 / 101.0);
+    let everything = Plan::everything(height, width);
+    let pixels = (height * width) as f64;
+    let network_flop = 2.0 * count as f64 * pixels;
+
+    let best = Isa::best();
+    let peak = 40_000_000;
+    report("peak of a core", Peak(peak).flop(best), repeats.max(3), || {
+        std::hint::black_box(dispatch(best, Peak(peak)));
+    });
+    let mut kernels: Vec<(String, Kernels)> =
+        Isa::available().into_iter().map(|isa| (format!("ours {}", isa.name()), Kernels::Fused(isa))).collect();
+    kernels.push(("tract".into(), Kernels::Tract));
+    for (name, kernels) in kernels {
+        let engine = Engine::new(model.clone(), kernels, DEFAULT_TILE);
+        let mut parameters = None;
+        report(&name, network_flop, repeats, || {
+            parameters = Some(engine.parameters(&features, &everything).expect("the network runs"));
+        });
+        let Some(parameters) = parameters else { continue };
+        if kernels == Kernels::Fused(best) {
+            let rows: Vec<f32> = (0..height)
+                .step_by(ROW_STEP)
+                .flat_map(|y| (0..parameters.channels()).flat_map(move |c| [(c, y)]))
+                .flat_map(|(c, y)| parameters.row(c, y).to_vec())
+                .collect();
+            std::fs::write(folder.join("network.onnx"), write_network(&model))?;
+            std::fs::write(folder.join("rows.f32"), rows.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?;
+            let taps = Taps::square(model.contract.window_radius);
+            let windows = Windows::new(&features, None, FeatureSet::ALL, taps.radius());
+            let side = (2 * taps.radius() + 1) as f64;
+            report("g_c of one half", FLOP_A_TAP * side * side * pixels, repeats, || {
+                std::hint::black_box(correct(best, Form::Gated, &windows, &taps, &parameters, &everything));
+            });
+        }
+    }
+    Ok(())
+}
