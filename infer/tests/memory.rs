@@ -21,7 +21,7 @@ use sspc_infer::run::source::Surveyed;
 use sspc_onnx::{Contract, Model};
 use std::path::Path;
 
-const WIDTH: usize = 256;
+const WIDTH: usize = 128;
 const BAND: usize = 64;
 /// Rows around a band: networks, windows and judgement.
 const AROUND: usize = 2 * 48;
@@ -57,7 +57,7 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
     let contract = Contract::new(Form::Gated);
     let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
     let engine = Engine::new(Model::new(contract, weights).expect("a model"), Kernels::Fused(Isa::best()), 64);
-    let files = [512, 1024].map(|height| frame(folder.path(), height));
+    let files = [384, 768].map(|height| frame(folder.path(), height));
     let correct = |files: &FrameFiles| {
         peak_of(|| {
             let open = OpenFrame::open(files, &RoleOverrides::none()).expect("frame");
@@ -70,7 +70,7 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
     // Once without looking: threads and tract's plan stay.
     correct(&files[0]);
     let [(small, low), (_, high)] = files.each_ref().map(correct);
-    let more = 512 * WIDTH;
+    let more = 384 * WIDTH;
     assert!(high - low < BYTES_A_PIXEL_MORE * more, "{low} bytes, and {high} for twice the rows");
     let band = (BAND + AROUND) * WIDTH * BYTES_PER_PIXEL;
     assert!(low < band + BYTES_A_PIXEL_MORE * more, "{low} bytes, {band} for the band");
