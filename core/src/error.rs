@@ -124,7 +124,7 @@ impl Error {
 }
 
 /// Text from a file made safe for one line: control characters escaped, long text cut.
-pub(crate) fn shown(text: &str) -> String {
+pub fn shown(text: &str) -> String {
     const LONGEST: usize = 200;
     let mut line: String = text.chars().take(LONGEST).flat_map(|c| escape(c).collect::<Vec<_>>()).collect();
     if text.chars().count() > LONGEST {

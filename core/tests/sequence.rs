@@ -182,3 +182,70 @@ fn no_text_panics_and_what_is_read_stays_in_bounds() {
         let _ = text.parse::<Pattern>();
     });
 }
+
+/// Ranges over all frame numbers against counting by hand.
+#[test]
+fn ranges_name_every_step_from_first_to_last() {
+    for_random_cases(|random| {
+        let bits = 1 + random.below(30);
+        let first = random.below(1 << bits).min(u64::from(MAX_FRAME));
+        let last = (first + random.below(1 << bits)).min(u64::from(MAX_FRAME));
+        let step = 1 + random.below(1 << bits);
+        let text = format!("{first}-{last}x{step}");
+        let count = (last - first) / step + 1;
+        match text.parse::<Frames>() {
+            Err(_) => assert!(count > MAX_FRAMES as u64, "{text}"),
+            Ok(list) => {
+                let list = list.as_slice();
+                assert_eq!(list.len() as u64, count, "{text}");
+                // Long lists are looked at where they could go wrong: at the ends.
+                let seen = (0..count.min(50)).chain(count.saturating_sub(50)..count);
+                seen.for_each(|i| assert_eq!(u64::from(list[i as usize]), first + i * step, "{text} {i}"));
+            }
+        }
+    });
+}
+
+/// Any numbers in any order, runs of all steps among them.
+#[test]
+fn any_list_of_numbers_survives_being_shown_and_read() {
+    for_random_cases(|random| {
+        let mut numbers = Vec::new();
+        while (numbers.len() as u64) < 1 + random.below(30) {
+            let (start, step) = (random.below(u64::from(MAX_FRAME)) as u32, random.below(4) as u32);
+            let run = 1 + random.below(6) as u32;
+            let falling = random.below(3) == 0;
+            let at = |i: u32| if falling { start.saturating_sub(i * step) } else { start.saturating_add(i * step) };
+            numbers.extend((0..run).map(at).filter(|number| *number <= MAX_FRAME));
+        }
+        let list = Frames::from_numbers(numbers.iter().copied());
+        let shown = list.to_string();
+        assert_eq!(shown.parse::<Frames>().expect(&shown), list, "{numbers:?} shown as {shown}");
+        let mut first_seen: Vec<u32> = Vec::new();
+        numbers.iter().for_each(|n| first_seen.extend((!first_seen.contains(n)).then_some(n)));
+        assert_eq!(list.as_slice(), first_seen);
+    });
+}
+
+/// Whatever a file is called: when a frame number is found in its name, that frame's file has this name.
+#[test]
+fn a_found_frame_number_gives_the_same_path() {
+    for_random_cases(|random| {
+        let places = ["#", "###", "%d", "%04d"];
+        let text = format!("{}{}{}", random.text(b"a0", 2), places[random.below(4) as usize], random.text(b"a0", 2));
+        let pattern: Pattern = text.parse().expect(&text);
+        let path = PathBuf::from(random.text(b"a0129+-", 8));
+        if let Some(frame) = pattern.frame_of(&path) {
+            assert_eq!(pattern.path(frame), path, "{text}");
+        }
+    });
+}
+
+#[test]
+fn patterns_may_hold_any_characters_around_the_number() {
+    for text in ["Größe/é.####.exr", "日本.%03d.exr", "a b\t#", "%%0#", "\u{1F600}%d\u{1F600}"] {
+        let pattern: Pattern = text.parse().expect(text);
+        assert_eq!(pattern.frame_of(&pattern.path(42)), Some(42), "{text}");
+        assert_eq!(pattern.to_string().parse::<Pattern>().expect(text), pattern);
+    }
+}

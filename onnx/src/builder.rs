@@ -44,6 +44,7 @@ impl GraphBuilder {
             name: Some(outputs[0].to_string()),
             op_type: Some(op.to_string()),
             attribute,
+            domain: None,
         });
     }
 

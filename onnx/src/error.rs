@@ -35,6 +35,10 @@ pub enum Error {
     WeightCount { expected: usize, found: usize },
     #[error("the graph is not the one of this contract: constant `{tensor}` is missing or another")]
     Constant { tensor: String },
+    #[error("the graph is not the one of this contract: it has {found} constant tensors, expected {expected}")]
+    TensorCount { expected: usize, found: usize },
+    #[error("the graph is not the one of this contract: its inputs and outputs are {found}, expected {expected}")]
+    Interface { expected: String, found: String },
     #[error("the graph is not the one of this contract: operator {index} is {found}, expected {expected}")]
     Operator { index: usize, expected: String, found: String },
 }

@@ -3,6 +3,7 @@
 use crate::contract::*;
 use crate::error::Error;
 use crate::messages::StringStringEntryProto;
+use sspc_core::error::shown;
 use sspc_core::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_core::finish::Composition;
 use sspc_core::network::Shape;
@@ -55,7 +56,7 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
         Entries(entries.iter().map(|e| (e.key.as_deref().unwrap_or(""), e.value.as_deref().unwrap_or(""))).collect());
     let version = entries.text("contract")?;
     if version != CONTRACT_VERSION.to_string() {
-        return Err(Error::Version { expected: CONTRACT_VERSION, found: version.to_string() });
+        return Err(Error::Version { expected: CONTRACT_VERSION, found: shown(version) });
     }
     let form = match entries.text("form")? {
         "paper" => Form::Paper,
@@ -117,7 +118,7 @@ fn feature_names(features: FeatureSet) -> String {
 }
 
 fn key_error(key: &str, expected: impl Into<String>, found: &str) -> Error {
-    Error::Key { key: format!("{PREFIX}{key}"), expected: expected.into(), found: found.into() }
+    Error::Key { key: format!("{PREFIX}{key}"), expected: expected.into(), found: shown(found) }
 }
 
 struct Entries<'a>(BTreeMap<&'a str, &'a str>);

@@ -7,17 +7,20 @@
 use crate::contract::Contract;
 use crate::error::{Error, FileError};
 use crate::image_graph::{IMAGE_GRAPH, write_image};
-use crate::messages::{GraphProto, ModelProto, NodeProto, TensorProto, data_type};
+use crate::messages::{GraphProto, ModelProto, NodeProto, TensorProto, ValueInfoProto, data_type};
 use crate::metadata;
 use crate::model::{Model, layer_name};
 use crate::network_graph::write_network;
 use prost::Message;
+use sspc_core::error::shown;
 use std::io::Read;
 use std::path::Path;
 
-/// The largest file that is read: far above the largest network of the contract, 300 kB, and the
-/// image graph around it.
-pub const MAX_FILE_BYTES: u64 = 4 << 20;
+/// The largest file that is read: the largest network of the contract takes 300 kB, the image graph
+/// around it 60, and the names of training frames the rest. An empty message of two bytes decodes
+/// to a structure of some hundred, so this also bounds the memory that a file can ask for, to about
+/// a hundred times itself.
+pub const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// `TensorProto.DataLocation.EXTERNAL`.
 const EXTERNAL: i32 = 1;
@@ -79,6 +82,7 @@ pub fn read_model(bytes: &[u8]) -> Result<Model, Error> {
     let expected = ModelProto::decode(&expected[..]).map_err(Error::NotOnnx)?;
     let expected = expected.graph.ok_or(Error::NoGraph)?;
     same_constants(&expected, &graph)?;
+    same_interface(&expected, &graph)?;
     same_operators(&expected, &graph)?;
     Ok(model)
 }
@@ -145,7 +149,8 @@ fn values(tensor: &TensorProto, name: &str, shape: &[usize]) -> Result<Vec<f32>,
     }
 }
 
-/// Whether every constant that is no weight has the value of this contract.
+/// Whether every constant that is no weight has the value of this contract, and nothing else is
+/// there: of two tensors of one name, other engines may take the other.
 fn same_constants(expected: &GraphProto, found: &GraphProto) -> Result<(), Error> {
     let is_weight = |name: &str| name.ends_with(".weight") || name.ends_with(".bias");
     let name = |tensor: &TensorProto| tensor.name.clone().unwrap_or_default();
@@ -154,7 +159,23 @@ fn same_constants(expected: &GraphProto, found: &GraphProto) -> Result<(), Error
             return Err(Error::Constant { tensor: name(constant) });
         }
     }
-    Ok(())
+    match (expected.initializer.len(), found.initializer.len()) {
+        (expected, found) if expected == found => Ok(()),
+        (expected, found) => Err(Error::TensorCount { expected, found }),
+    }
+}
+
+/// The same inputs and outputs by name; their sizes may be fixed to those of a frame.
+fn same_interface(expected: &GraphProto, found: &GraphProto) -> Result<(), Error> {
+    let names = |values: &[ValueInfoProto]| {
+        let names: Vec<&str> = values.iter().map(|value| value.name.as_deref().unwrap_or("?")).collect();
+        names.join(", ")
+    };
+    let whole = |graph: &GraphProto| format!("{} to {}", names(&graph.input), names(&graph.output));
+    match (whole(expected), whole(found)) {
+        (expected, found) if expected == found => Ok(()),
+        (expected, found) => Err(Error::Interface { expected, found: shown(&found) }),
+    }
 }
 
 /// The same operators on the same values in the same order, subgraphs included.
@@ -167,11 +188,7 @@ fn same_operators(expected: &GraphProto, found: &GraphProto) -> Result<(), Error
                 Some(node) => format!("{} of {}", node.op_type.as_deref().unwrap_or("?"), node.input.join(", ")),
                 None => "no operator".to_string(),
             };
-            return Err(Error::Operator {
-                index,
-                expected: describe(expected),
-                found: describe(found).chars().take(120).collect(),
-            });
+            return Err(Error::Operator { index, expected: describe(expected), found: shown(&describe(found)) });
         }
     }
     Ok(())
@@ -179,7 +196,11 @@ fn same_operators(expected: &GraphProto, found: &GraphProto) -> Result<(), Error
 
 fn same_node(expected: &NodeProto, found: &NodeProto) -> bool {
     expected.op_type == found.op_type
+        && expected.domain.as_deref().unwrap_or("") == found.domain.as_deref().unwrap_or("")
         && expected.input == found.input
         && expected.output == found.output
         && expected.attribute == found.attribute
 }
+
+#[cfg(test)]
+mod tests;

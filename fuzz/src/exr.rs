@@ -1,0 +1,89 @@
+//! OpenEXR files: as half a of a frame, as a file of both halves, as a reference, as a picture, as the template
+//! of an output.
+
+use super::assert_one_line;
+use sspc_core::error::{Error, ErrorKind};
+use sspc_core::frame::Frame;
+use sspc_core::image::Image;
+use sspc_core::io::{FrameFiles, RoleOverrides, read_frame, read_picture, read_reference, write_corrected};
+use std::path::{Path, PathBuf};
+
+/// A half buffer of the size of the seeds, so that a file that is little damaged gets past the check of sizes.
+const OTHER_HALF: &[u8] = include_bytes!("../seeds/other-half.exr");
+
+/// Where the files lie that are read.
+pub struct Desk {
+    folder: PathBuf,
+}
+
+impl Desk {
+    /// Puts the other half into `folder`.
+    ///
+    /// # Panics
+    /// When it cannot be written to.
+    pub fn new(folder: &Path) -> Self {
+        std::fs::write(folder.join("b.exr"), OTHER_HALF).expect("the folder can be written to");
+        Self { folder: folder.to_path_buf() }
+    }
+
+    /// Reads the bytes in every way that the programs do; whether any of them gave pixels.
+    pub fn read(&self, bytes: &[u8]) -> bool {
+        let path = self.folder.join("a.exr");
+        std::fs::write(&path, bytes).expect("the folder can be written to");
+        let halves = FrameFiles::halves(&path, self.folder.join("b.exr"));
+        let both = FrameFiles::both_in_one(&path);
+        let frames = [&halves, &both].map(|files| checked(read_frame(files, &RoleOverrides::none())));
+        frames.iter().flatten().for_each(assert_complete);
+        let reference = checked(read_reference(&path, None));
+        if let Some(reference) = &reference {
+            let all = reference.halves.iter().flatten().chain([&reference.mean]);
+            all.for_each(|image| assert!(image.same_size(&reference.mean) && image.channels() == 3));
+        }
+        let picture = checked(read_picture(&path, None));
+        if let Some(picture) = &picture {
+            self.write_over(&path, picture);
+        }
+        picture.is_some() || reference.is_some() || frames.iter().any(Option::is_some)
+    }
+
+    /// What can be read as a picture is the template of an output, or refused; the template stays as it was.
+    fn write_over(&self, template: &Path, picture: &Image) {
+        let out = self.folder.join("out.exr");
+        // More is not worth the time: what is written is as large as what was read.
+        const MOST_PIXELS: usize = 1 << 16;
+        if picture.pixels() > MOST_PIXELS {
+            return;
+        }
+        match write_corrected(&out, template, &[], picture, &[]) {
+            Ok(()) => {
+                let again = read_picture(&out, None).expect("what was written can be read");
+                assert!(again.same_size(picture), "{}x{}", again.width(), again.height());
+            }
+            Err(error) => assert_one_line(&error),
+        }
+    }
+}
+
+fn checked<T>(outcome: Result<T, Error>) -> Option<T> {
+    outcome
+        .inspect_err(|error| {
+            assert_one_line(error);
+            assert_eq!(error.kind(), ErrorKind::Input, "{error}");
+        })
+        .ok()
+}
+
+/// All that a frame holds has one size and the right channels.
+fn assert_complete(frame: &Frame) {
+    let size = &frame.a.radiance;
+    assert!(size.pixels() > 0);
+    for half in [&frame.a, &frame.b] {
+        let triples = [&half.radiance, &half.denoised].into_iter().chain(&half.albedo).chain(&half.normal);
+        triples.for_each(|image| assert!(image.same_size(size) && image.channels() == 3));
+        half.visibility.iter().for_each(|image| assert!(image.same_size(size) && image.channels() == 1));
+    }
+    frame.denoised.iter().for_each(|image| assert!(image.same_size(size) && image.channels() == 3));
+    for text in &frame.warnings {
+        assert!(!text.chars().any(char::is_control), "control characters in {text:?}");
+    }
+}
