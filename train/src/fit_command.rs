@@ -47,8 +47,8 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
     if args.dry_run {
         return Ok(());
     }
-    let mut folder = OutputFolder::open(&args.output)?;
-    check_outputs(&mut folder, &inputs)?;
+    let folder = OutputFolder::open(&args.output)?;
+    check_outputs(&folder, args, &inputs)?;
 
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let isa = Isa::best();

@@ -4,10 +4,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Catches the signals from now on. A second one ends the process at once.
+/// Catches the signals from now on. A second one ends the process at once; files half-written go, whole ones stay.
 pub fn install() {
     let outcome = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            sspc_core::io::temporary::abandon();
             std::process::exit(130);
         }
     });

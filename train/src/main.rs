@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use sspc_train::cli::{Cli, Command};
+use sspc_train::progress::print_line;
 use sspc_train::{fit_command, init, interrupt};
 use std::process::ExitCode;
 
@@ -15,9 +16,9 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("sspc-train: error: {error}");
+            print_line(&format!("sspc-train: error: {error}"));
             if let Some(advice) = error.advice() {
-                eprintln!("  {advice}");
+                print_line(&format!("  {advice}"));
             }
             ExitCode::from(error.exit_code())
         }

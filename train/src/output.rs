@@ -2,7 +2,7 @@
 //! are removed again, and each file that was there is the old one or the whole new one.
 
 use crate::error::Error;
-use std::fs::File;
+use sspc_core::io::atomic::check_folder;
 use std::path::{Path, PathBuf};
 
 /// An output folder and the files of this run in it. Dropped before [`OutputFolder::keep`], it
@@ -27,8 +27,7 @@ impl OutputFolder {
             std::fs::create_dir(path).map_err(refuse)?;
         }
         let folder = Self { path: path.to_path_buf(), created, added: Vec::new(), kept: false };
-        let probe = path.join(format!(".sspc-{}.probe", std::process::id()));
-        File::create_new(&probe).and_then(|_| std::fs::remove_file(&probe)).map_err(refuse)?;
+        check_folder(path).map_err(refuse)?;
         Ok(folder)
     }
 

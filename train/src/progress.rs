@@ -2,11 +2,17 @@
 
 use crate::fit::Step;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::{IsTerminal, stderr};
+use std::io::{IsTerminal, Write, stderr};
 use std::time::{Duration, Instant};
 
 /// Plain lines come at least this far apart.
 const LINE_INTERVAL: Duration = Duration::from_secs(2);
+
+/// A line on standard error. Where nobody reads it any more (a closed pipe, a full disk), the work goes on:
+/// `eprintln!` would end it with a panic.
+pub fn print_line(line: &str) {
+    let _ = stderr().write_all(format!("{line}\n").as_bytes());
+}
 
 /// Where progress goes.
 pub enum Progress {
@@ -32,8 +38,8 @@ impl Progress {
     pub fn say(&self, line: &str) {
         match self {
             Progress::Quiet => {}
-            Progress::Bar(bar) => bar.suspend(|| eprintln!("{line}")),
-            Progress::Lines { .. } => eprintln!("{line}"),
+            Progress::Bar(bar) => bar.suspend(|| print_line(line)),
+            Progress::Lines { .. } => print_line(line),
         }
     }
 
@@ -50,10 +56,10 @@ impl Progress {
                 if due || step.step == step.of {
                     let rate = step.step as f64 / step.seconds.max(1e-9);
                     let left = (step.of - step.step) as f64 / rate;
-                    eprintln!(
+                    print_line(&format!(
                         "training step {}/{}, loss {:.5}, {rate:.1} steps/s, {left:.0} s left",
                         step.step, step.of, step.loss
-                    );
+                    ));
                     *last = Some(Instant::now());
                 }
             }

@@ -13,22 +13,30 @@ use sspc_core::features::FeatureSet;
 use sspc_core::image::Image;
 use sspc_core::io::atomic::{atomic_write_bytes, check_output};
 use sspc_core::io::preview::{Rgb8, auto_exposure, error_map, strip, tone_map, write_png};
-use sspc_core::io::write_corrected;
+use sspc_core::io::{RoleOverrides, write_corrected};
 use sspc_core::prepare::Prepared;
 use sspc_onnx::{Contract, Model, write_network};
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Whether every file may be written: worth asking before training.
-pub fn check_outputs(folder: &mut OutputFolder, inputs: &[Input]) -> Result<(), Error> {
-    let protected: Vec<PathBuf> = inputs.iter().flat_map(|i| i.files.all()).collect();
+pub fn check_outputs(folder: &OutputFolder, args: &FitArgs, inputs: &[Input]) -> Result<(), Error> {
+    let protected = protected(args, inputs)?;
     check_output(&folder.file("model.onnx"), &protected)?;
     for input in inputs {
-        for (stem, extension) in [("corrected", "exr"), ("report", "json")] {
+        let previews = preview_names(input).into_iter().map(|stem| (stem, "png"));
+        for (stem, extension) in [("corrected", "exr"), ("report", "json")].into_iter().chain(previews) {
             check_output(&folder.file(&input.file_name(stem, extension)), &protected)?;
         }
     }
     Ok(())
+}
+
+/// Everything that was read: frames, files named by roles, the model to start from.
+fn protected(args: &FitArgs, inputs: &[Input]) -> Result<Vec<PathBuf>, Error> {
+    let frames = inputs.iter().flat_map(|input| input.files.all());
+    let roles = RoleOverrides::parse(&args.roles)?.files();
+    Ok(frames.chain(roles).chain(args.init.clone()).collect())
 }
 
 /// Writes everything; of a shot, names carry the frame's number.
@@ -45,7 +53,7 @@ pub fn write_outputs(
     start: Instant,
 ) -> Result<(), Error> {
     let begin = Instant::now();
-    let protected: Vec<PathBuf> = inputs.iter().flat_map(|i| i.files.all()).collect();
+    let protected = protected(args, inputs)?;
     let model = write_network(&model(args, settings, inputs, prepared, fitted)?);
     atomic_write_bytes(&folder.add("model.onnx"), &protected, &model)?;
     // Compression takes longer than everything else here: all files of a frame at once.
@@ -113,23 +121,24 @@ fn provenance(args: &FitArgs, fitted: &Fitted, result: &Outcome) -> Vec<(String,
     .to_vec()
 }
 
-/// Pictures to look at: noisy, denoised, corrected, error maps where there is a reference, and all
-/// of them side by side.
+/// Names of the pictures to look at: error maps where there is a reference, and last all of them side by side.
+fn preview_names(input: &Input) -> Vec<&'static str> {
+    let against_reference: &[&str] =
+        if input.reference.is_some() { &["reference", "error-denoised", "error-corrected"] } else { &[] };
+    [&["noisy", "denoised", "corrected"], against_reference, &["comparison"]].concat()
+}
+
+/// The pictures of [`preview_names`].
 fn previews(input: &Input, result: &Outcome) -> Vec<(&'static str, Rgb8)> {
     let denoised = denoised(&input.frame);
     let exposure = auto_exposure(&denoised);
     let shown = |image: &Image| tone_map(image, exposure);
-    let mut pictures = vec![
-        ("noisy", shown(&noisy(&input.frame))),
-        ("denoised", shown(&denoised)),
-        ("corrected", shown(&result.corrected)),
-    ];
+    let mut pictures = vec![shown(&noisy(&input.frame)), shown(&denoised), shown(&result.corrected)];
     if let Some(reference) = &input.reference {
-        pictures.push(("reference", shown(&reference.mean)));
-        pictures.push(("error-denoised", error_map(&denoised, reference)));
-        pictures.push(("error-corrected", error_map(&result.corrected, reference)));
+        pictures.push(shown(&reference.mean));
+        pictures.push(error_map(&denoised, reference));
+        pictures.push(error_map(&result.corrected, reference));
     }
-    let all: Vec<Rgb8> = pictures.iter().map(|(_, picture)| picture.clone()).collect();
-    pictures.push(("comparison", strip(&all)));
-    pictures
+    pictures.push(strip(&pictures));
+    preview_names(input).into_iter().zip(pictures).collect()
 }

@@ -2,13 +2,13 @@
 //!
 //! A file is written under a temporary name in the same folder (`.sspc-PID-N.tmp`), flushed to disk and renamed
 //! into place: whoever looks at the path sees the old file or the new one, never a part. A temporary file is
-//! removed on failure; only a process killed outright can leave one behind.
+//! removed on failure; what a process killed outright leaves is removed by the next that writes to the folder.
 
 use crate::error::Error;
-use std::fs::{File, OpenOptions};
+use crate::io::temporary::Temporary;
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Writes `path` through `write`; `inputs` are files that must not be overwritten.
 ///
@@ -22,7 +22,7 @@ pub fn atomic_write(
 ) -> Result<(), Error> {
     check_output(path, inputs)?;
     let unwritable = |source| Error::Unwritable { path: path.to_path_buf(), source };
-    let (temporary, file) = Temporary::create_beside(path).map_err(unwritable)?;
+    let (temporary, file) = Temporary::create_in(folder_of(path)).map_err(unwritable)?;
     let mut writer = BufWriter::new(file);
     write(&mut writer).map_err(unwritable)?;
     let file = writer.into_inner().map_err(|error| unwritable(error.into_error()))?;
@@ -37,6 +37,14 @@ pub fn atomic_write(
 /// As [`atomic_write`].
 pub fn atomic_write_bytes(path: &Path, inputs: &[PathBuf], bytes: &[u8]) -> Result<(), Error> {
     atomic_write(path, inputs, |file| file.write_all(bytes))
+}
+
+/// Whether files can be written in `folder`: one is, and removed again.
+///
+/// # Errors
+/// What the system says.
+pub fn check_folder(folder: &Path) -> io::Result<()> {
+    Temporary::create_in(folder).map(drop)
 }
 
 /// Whether `path` may be written: worth asking before minutes of work.
@@ -93,44 +101,4 @@ fn same_inode(a: &Path, b: &Path) -> bool {
 #[cfg(not(unix))]
 fn same_inode(_: &Path, _: &Path) -> bool {
     false
-}
-
-/// A file that is removed unless it gets its final name.
-struct Temporary {
-    path: PathBuf,
-    renamed: bool,
-}
-
-impl Temporary {
-    /// Creates a new file in the folder of `path`; an existing file or link of that name is never opened.
-    fn create_beside(path: &Path) -> io::Result<(Self, File)> {
-        static COUNTER: AtomicU64 = AtomicU64::new(0);
-        const TRIES: usize = 1_000;
-        let mut last = io::ErrorKind::AlreadyExists.into();
-        for _ in 0..TRIES {
-            let number = COUNTER.fetch_add(1, Ordering::Relaxed);
-            let path = folder_of(path).join(format!(".sspc-{}-{number}.tmp", std::process::id()));
-            match OpenOptions::new().write(true).create_new(true).open(&path) {
-                Ok(file) => return Ok((Self { path, renamed: false }, file)),
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => last = error,
-                Err(error) => return Err(error),
-            }
-        }
-        Err(last)
-    }
-
-    fn rename_to(mut self, path: &Path) -> io::Result<()> {
-        std::fs::rename(&self.path, path)?;
-        self.renamed = true;
-        Ok(())
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        if !self.renamed {
-            // Nothing more can be done about a file that will not go.
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
 }

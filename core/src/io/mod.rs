@@ -13,6 +13,7 @@
 //! | [`read`] | whole frames, references and pictures |
 //! | [`checks`] | identical and correlated halves, lossy input, absent features |
 //! | [`atomic`] | outputs that appear whole or not at all |
+//! | [`temporary`] | the files they are until then, and what killed processes left of them |
 //! | [`write`](mod@write) | the corrected picture inside a copy of the input |
 //! | [`preview`] | tone curve, error colours, PNG |
 //! | [`sequence`](crate::sequence) | frame numbers in file names |
@@ -29,6 +30,7 @@ pub mod overrides;
 pub mod preview;
 pub mod read;
 pub mod resolve;
+pub mod temporary;
 pub mod write;
 
 pub use atomic::atomic_write;

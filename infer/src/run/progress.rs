@@ -5,7 +5,13 @@ use super::jobs::Job;
 use super::report::Report;
 use crate::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::{IsTerminal, stderr};
+use std::io::{IsTerminal, Write, stderr};
+
+/// A line on standard error. Where nobody reads it any more (a closed pipe, a full disk), the work goes on:
+/// `eprintln!` would end it with a panic.
+fn print_line(text: &str) {
+    let _ = stderr().write_all(format!("{text}\n").as_bytes());
+}
 
 /// Lines and bar of a run; both go to standard error.
 pub struct Progress {
@@ -30,8 +36,8 @@ impl Progress {
 
     fn line(&self, text: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(bar) => bar.suspend(|| print_line(text)),
+            None => print_line(text),
         }
     }
 
