@@ -10,6 +10,9 @@ use std::str::FromStr;
 /// Frame numbers that have caused trouble somewhere: the ends, and one more digit than before.
 const FRAMES: [u32; 7] = [0, 9, 10, 999, 1001, 10_000, MAX_FRAME];
 
+/// Lists longer than this are not shown and read again.
+const LONG_LIST: usize = 10_000;
+
 /// Reads the bytes as text in every way; whether any of them accepts it.
 pub fn read(bytes: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(bytes) else { return false };
@@ -17,7 +20,10 @@ pub fn read(bytes: &[u8]) -> bool {
     if let Some(frames) = &frames {
         let list = frames.as_slice();
         assert!((1..=MAX_FRAMES).contains(&list.len()) && list.iter().all(|frame| *frame <= MAX_FRAME));
-        assert_same_when_shown(frames);
+        // Half a million numbers are told in milliseconds, but a fuzzer has better uses for them.
+        if list.len() <= LONG_LIST {
+            assert_same_when_shown(frames);
+        }
     }
     let pattern = parsed::<Pattern>(text);
     if let Some(pattern) = &pattern {

@@ -138,36 +138,3 @@ fn a_closed_pipe_is_said_and_not_a_panic() {
     let child = command.stdout(writer).stderr(Stdio::piped()).spawn().expect("sspc-infer runs");
     assert_fails(&child.wait_with_output().expect("ended"), 4, &["standard output"]);
 }
-
-/// Kills the program at 50 moments spread over its run: the map is the old file or a whole new one.
-#[test]
-fn a_killed_run_leaves_the_old_file_or_the_new_one() {
-    const KILLS: u32 = 50;
-    let folder = tempfile::tempdir().expect("folder");
-    let map = folder.path().join("error.png");
-    let (x, reference) = (sample("denoised.exr"), sample("ref.exr"));
-    let start = || {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_sspc-infer"));
-        command.args(["evaluate", text(&x), "--reference", text(&reference), "--error-map", text(&map)]);
-        command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("sspc-infer runs")
-    };
-    let begun = std::time::Instant::now();
-    assert!(start().wait().expect("ended").success());
-    let whole_run = begun.elapsed();
-    let new = std::fs::read(&map).expect("map");
-    let (mut old_seen, mut new_seen) = (0, 0);
-    for kill in 0..KILLS {
-        std::fs::write(&map, "old").expect("written");
-        let mut child = start();
-        std::thread::sleep(whole_run * kill / (KILLS - 10));
-        child.kill().expect("killed or ended");
-        child.wait().expect("reaped");
-        match std::fs::read(&map).expect("map") {
-            bytes if bytes == b"old" => old_seen += 1,
-            bytes if bytes == new => new_seen += 1,
-            bytes => panic!("a partial file of {} bytes after kill {kill}", bytes.len()),
-        }
-    }
-    println!("{old_seen} old, {new_seen} new");
-    assert!(old_seen > 0, "some kills must come before the end");
-}
