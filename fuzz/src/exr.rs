@@ -5,7 +5,7 @@ use super::assert_one_line;
 use sspc_core::error::{Error, ErrorKind};
 use sspc_core::frame::Frame;
 use sspc_core::image::Image;
-use sspc_core::io::{FrameFiles, RoleOverrides, read_frame, read_picture, read_reference, write_corrected};
+use sspc_core::io::{FrameFiles, OpenFrame, RoleOverrides, read_frame, read_picture, read_reference, write_corrected};
 use std::path::{Path, PathBuf};
 
 /// A half buffer of the size of the seeds, so that a file that is little damaged gets past the check of sizes.
@@ -32,8 +32,13 @@ impl Desk {
         std::fs::write(&path, bytes).expect("the folder can be written to");
         let halves = FrameFiles::halves(&path, self.folder.join("b.exr"));
         let both = FrameFiles::both_in_one(&path);
-        let frames = [&halves, &both].map(|files| checked(read_frame(files, &RoleOverrides::none())));
-        frames.iter().flatten().for_each(assert_complete);
+        let frames = [&halves, &both].map(|files| {
+            let frame = checked(read_frame(files, &RoleOverrides::none()));
+            frame.inspect(|frame| {
+                assert_complete(frame);
+                assert_bands_agree(files, frame);
+            })
+        });
         let reference = checked(read_reference(&path, None));
         if let Some(reference) = &reference {
             let all = reference.halves.iter().flatten().chain([&reference.mean]);
@@ -62,6 +67,23 @@ impl Desk {
             Err(error) => assert_one_line(&error),
         }
     }
+}
+
+/// Rows read by themselves are those of the whole frame.
+fn assert_bands_agree(files: &FrameFiles, frame: &Frame) {
+    let open = OpenFrame::open(files, &RoleOverrides::none()).expect("it was read before");
+    let height = frame.height();
+    for rows in [0..1, height / 3..height / 2 + 1, height - 1..height] {
+        let band = open.rows(rows.clone()).expect("it was read before");
+        let of_whole = frame.rows(rows.start, rows.len());
+        assert!(same_bits(&band.a.radiance, &of_whole.a.radiance), "rows {rows:?}");
+        assert!(same_bits(&band.b.denoised, &of_whole.b.denoised), "rows {rows:?}");
+    }
+}
+
+/// Equal, NaN included.
+fn same_bits(x: &Image, y: &Image) -> bool {
+    x.same_size(y) && x.data().iter().zip(y.data()).all(|(x, y)| x.to_bits() == y.to_bits())
 }
 
 fn checked<T>(outcome: Result<T, Error>) -> Option<T> {

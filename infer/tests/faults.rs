@@ -96,7 +96,9 @@ fn assert_survives_kills(desk: &Desk, files: &[&str], command: impl Fn() -> Comm
     let moments = Moments::of(command(), KILLS, begun);
     assert_eq!(names_in(&out), files);
     std::fs::create_dir(&like).expect("folder");
-    files.iter().for_each(|name| drop(std::fs::copy(out.join(name), like.join(name)).expect("copied")));
+    for name in files {
+        std::fs::copy(out.join(name), like.join(name)).expect("copied");
+    }
     let (mut old, mut new, mut absent, mut unfinished) = (0, 0, 0, 0);
     for (kill, moment) in moments.enumerate() {
         // Every other time the files are there already.

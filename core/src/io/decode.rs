@@ -13,12 +13,15 @@ use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 use exr::prelude::f16;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Decompressed bytes that are held at once; more only where a single chunk is larger.
 const BATCH_BYTES: usize = 96 << 20;
 
-/// Hands the decompressed blocks that `wanted` accepts to `take`, some at a time, in the file's order.
+/// Hands the decompressed blocks that `wanted` accepts to `take`, some at a time, in the file's order, each once: what a
+/// block says of its own place need not be what the file's table says of it, and where one comes twice, another is
+/// missing.
 pub(super) fn for_blocks<E: From<ExrError>>(
     reader: FileReader,
     wanted: impl Fn(&BlockIndex) -> bool,
@@ -28,6 +31,7 @@ pub(super) fn for_blocks<E: From<ExrError>>(
     let meta = chunks.meta_data().clone();
     let largest = meta.headers.iter().map(Header::max_block_byte_size).max().unwrap_or(0);
     let batch = (BATCH_BYTES / largest.max(1)).max(1);
+    let mut seen = BTreeSet::new();
     loop {
         let compressed = chunks.by_ref().take(batch).collect::<Result<Vec<Chunk>, _>>()?;
         if compressed.is_empty() {
@@ -35,6 +39,11 @@ pub(super) fn for_blocks<E: From<ExrError>>(
         }
         let decompress = |chunk| UncompressedBlock::decompress_chunk(chunk, &meta, false);
         let blocks = compressed.into_par_iter().map(decompress).collect::<Result<Vec<_>, _>>()?;
+        for BlockIndex { layer, pixel_position: Vec2(x, y), level, .. } in blocks.iter().map(|block| block.index) {
+            if level != Vec2(0, 0) || !seen.insert((layer, x, y)) {
+                return Err(ExrError::Invalid("a block out of its place".into()).into());
+            }
+        }
         take(&meta.headers, blocks)?;
     }
 }

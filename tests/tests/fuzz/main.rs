@@ -4,18 +4,27 @@
 //! `SSPC_FUZZ_CASE=SEED:NUMBER` runs one again.
 
 mod damage;
-mod memory;
+#[path = "../../../core/tests/common/peak.rs"]
+mod peak;
 mod seeds;
 #[path = "../../../fuzz/src/lib.rs"]
 mod targets;
 
 use damage::{Alphabet, damaged};
+use peak::peak_of;
 use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Reading a few kilobytes takes microseconds, and a millisecond where threads are started; seconds are a hang
 /// (the machine may be busy).
 const LONGEST: Duration = Duration::from_secs(5);
+
+/// Memory is counted for the whole process, so one test counts at a time.
+fn alone() -> MutexGuard<'static, ()> {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    ONE_AT_A_TIME.lock().unwrap_or_else(|broken| broken.into_inner())
+}
 
 /// What a header of a small file may claim is 64 MiB; as f32 that is at most twice as much, beside which the decoder
 /// holds little.
@@ -44,15 +53,16 @@ fn cases(seed: &str, usual: u64) -> std::ops::Range<u64> {
 
 /// Reads every seed and `usual` damaged copies of each. `most_memory` is what reading may hold at once, in bytes.
 fn run(target: &str, usual: u64, alphabet: Alphabet, most_memory: usize, read: impl Fn(&[u8]) -> bool) {
-    let _alone = memory::alone();
+    let _alone = alone();
     let seeds = seeds_of(target);
     let (mut accepted, mut refused, mut most) = (0u64, 0u64, 0);
     for (name, whole) in &seeds {
         for case in cases(name, usual) {
             let bytes = if case == 0 { whole.clone() } else { damaged(whole, &seeds, case, alphabet) };
-            let (start, held) = (Instant::now(), memory::Watch::start());
-            let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(&bytes)));
-            let (taken, held) = (start.elapsed(), held.most());
+            let start = Instant::now();
+            let guarded = || std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(&bytes)));
+            let (outcome, held) = peak_of(guarded);
+            let taken = start.elapsed();
             match outcome {
                 Ok(true) => accepted += 1,
                 Ok(false) => {
@@ -82,7 +92,7 @@ fn damaged_pictures_end_in_a_frame_or_one_line() {
 /// than the limit, and what cannot be in the file costs nothing.
 #[test]
 fn claims_of_a_header_are_weighed_before_they_are_believed() {
-    let _alone = memory::alone();
+    let _alone = alone();
     let folder = tempfile::tempdir().expect("folder");
     let desk = targets::exr::Desk::new(folder.path());
     let name = b"dataWindow\0box2i\0\x10\0\0\0";
@@ -102,12 +112,13 @@ fn claims_of_a_header_are_weighed_before_they_are_believed() {
             let mut bytes = whole.clone();
             let window = [0, 0, width - 1, height - 1].map(i32::to_le_bytes).concat();
             bytes[at..at + window.len()].copy_from_slice(&window);
-            let (start, watch) = (Instant::now(), memory::Watch::start());
-            assert!(!desk.read(&bytes), "{seed} holds no {width}x{height}");
+            let start = Instant::now();
+            let (read, held) = peak_of(|| desk.read(&bytes));
+            assert!(!read, "{seed} holds no {width}x{height}");
             // Refused from the header alone: the decoder's buffers and the header itself.
             let impossible = i64::from(width) * i64::from(height) > 1 << 24;
             let most = if impossible { 1 << 20 } else { MOST_OF_A_SMALL_PICTURE };
-            assert!(watch.most() <= most, "{seed} as {width}x{height}: {} bytes held", watch.most());
+            assert!(held <= most, "{seed} as {width}x{height}: {held} bytes held");
             assert!(start.elapsed() < LONGEST, "{seed} as {width}x{height}: {:?}", start.elapsed());
         }
     }
@@ -128,7 +139,7 @@ fn damaged_arguments_end_in_sense_or_one_line() {
 /// A file may be made of the smallest messages, each of which becomes a structure.
 #[test]
 fn the_memory_of_a_model_is_bounded_by_its_size() {
-    let _alone = memory::alone();
+    let _alone = alone();
     // What the limit on a file's size promises: a hundred and some times itself, twice while a vector grows.
     const MOST: usize = 320 << 20;
     // ModelProto.graph (7) with empty nodes (1), tensors (5), inputs (11); empty metadata (14).
@@ -147,9 +158,16 @@ fn the_memory_of_a_model_is_bounded_by_its_size() {
             ];
         }
         bytes.extend(&empty);
-        let watch = memory::Watch::start();
-        assert!(!targets::model::read(&bytes));
-        println!("{} KiB held for field {field}", watch.most() >> 10);
-        assert!(watch.most() <= MOST, "{} bytes held for empty messages of field {field}", watch.most());
+        let (read, held) = peak_of(|| targets::model::read(&bytes));
+        assert!(!read);
+        println!("{} KiB held for field {field}", held >> 10);
+        assert!(held <= MOST, "{held} bytes held for empty messages of field {field}");
     }
+}
+
+#[test]
+fn memory_that_is_asked_for_counts_whether_or_not_it_is_touched() {
+    let _alone = alone();
+    let (_, held) = peak_of(|| drop(std::hint::black_box(vec![0u8; 100 << 20])));
+    assert!(held >= 100 << 20);
 }
