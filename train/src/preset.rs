@@ -98,14 +98,14 @@ pub struct Settings {
 impl Settings {
     pub fn of(preset: Preset, seed: u64) -> Self {
         let (steps, peak) = match preset {
-            Preset::Fast => (40, 5e-3),
-            Preset::Quality => (800, 3e-3),
-            Preset::Balanced | Preset::Paper => (150, 3e-3),
+            Preset::Fast => (60, 6e-3),
+            Preset::Quality => (1000, 4e-3),
+            Preset::Balanced | Preset::Paper => (250, 4e-3),
         };
         let ours = Settings {
             preset,
             form: Form::Gated,
-            shape: Shape::paper(Form::Gated),
+            shape: Shape::shallow(Form::Gated),
             radius: PAPER_RADIUS,
             exposure: Exposure::Normalised,
             start: Start::Analytic { gate: 0.7 },
