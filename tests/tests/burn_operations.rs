@@ -5,7 +5,7 @@ use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
 use sspc_core::gc::{Region, Taps};
 use sspc_core::image::Image;
 use sspc_core::network::{Shape, start};
-use sspc_core::objective::{Objective, Tile};
+use sspc_core::objective::{Mirror, Objective, Tile};
 use sspc_core::parameters::Form;
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Findings, Prepared};
@@ -47,7 +47,8 @@ fn prepared(height: usize, width: usize) -> Prepared {
 fn batch(form: Form) -> (TileBatch, Vec<f32>) {
     let objective = Objective::new(&prepared(24, 31), form, Taps::square(4), FeatureSet::ALL);
     let region = Region { top: 3, left: 2, height: 13, width: 18 };
-    let tiles = (0..2).map(|half| Tile { half, region }).collect();
+    let mirror = |half| Mirror { rows: half == 1, columns: true };
+    let tiles = (0..2).map(|half| Tile { half, region, mirror: mirror(half) }).collect();
     let shape = Shape::paper(form);
     let weights = start::analytic(shape, 0.6, &mut Rng::new(3)).weights;
     (TileBatch { objective: Arc::new(objective), tiles: Arc::new(tiles), shape, isa: Isa::best() }, weights)

@@ -2,7 +2,7 @@
 
 use crate::preset::{Sampling, Settings};
 use sspc_core::gc::Region;
-use sspc_core::objective::Tile;
+use sspc_core::objective::{Mirror, Tile};
 use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
 
@@ -87,7 +87,9 @@ impl Schedule {
                     let x = block.left + rng.below(block.width);
                     let top = y.saturating_sub(rng.below(tile.0)).min(self.height - tile.0);
                     let left = x.saturating_sub(rng.below(tile.1)).min(self.width - tile.1);
-                    Tile { half: i % 2, region: Region { top, left, height: tile.0, width: tile.1 } }
+                    let region = Region { top, left, height: tile.0, width: tile.1 };
+                    let mirror = Mirror { rows: rng.below(2) == 1, columns: rng.below(2) == 1 };
+                    Tile { half: i % 2, region, mirror }
                 })
                 .collect(),
             Some(grid) => {
@@ -97,7 +99,7 @@ impl Schedule {
                 }
                 let from = grid.left.len().saturating_sub(self.batch);
                 let places = grid.left.split_off(from);
-                places.into_iter().flat_map(|region| (0..2).map(move |half| Tile { half, region })).collect()
+                places.into_iter().flat_map(|region| (0..2).map(move |half| Tile::upright(half, region))).collect()
             }
         }
     }

@@ -119,7 +119,7 @@ fn run(case: &Case, isa: Isa, fault: Fault) -> Vec<Vec<f32>> {
         }
         parameters.extend(activated);
     }
-    let tiles = [0, 1].map(|half| Tile { half, region });
+    let tiles = [0, 1].map(|half| Tile::upright(half, region));
     let scale = if fault.loss { FAULT } else { 1.0 } / (6 * region.pixels()) as f32;
     let (loss, d_raw) = objective.loss(isa, &tiles, &raw, scale, f32::INFINITY);
     let d_parameters = d_parameters(case, isa, &objective, region, &parameters);

@@ -61,7 +61,7 @@ impl Setup {
 
     fn tiles(&self) -> [Tile; 2] {
         let region = Region { top: 0, left: 0, height: self.shape[1], width: self.shape[2] };
-        [0, 1].map(|half| Tile { half, region })
+        [0, 1].map(|half| Tile::upright(half, region))
     }
 
     /// The mean over pixels, channels and halves.

@@ -47,7 +47,7 @@ pub fn train(
     for step in steps {
         let tiles = step.origins.iter().flat_map(|&(top, left)| {
             let region = Region { top, left, height: size.0, width: size.1 };
-            (0..2).map(move |half| Tile { half, region })
+            (0..2).map(move |half| Tile::upright(half, region))
         });
         let tiles = Arc::new(tiles.collect());
         let batch = TileBatch { objective: objective.clone(), tiles, shape, isa: Isa::best() };
