@@ -38,7 +38,6 @@ fn half(radiance: &Array, denoised: &Array, target: &Array, guide: &Array) -> Ha
     let (height, width) = (features_of_half.height(), features_of_half.width());
     HalfObjective {
         windows: Windows::new(&features_of_half, None, FeatureSet::ALL, 0),
-        features: features_of_half,
         target: Image::from_planes(3, height, width, target.f32()),
         weight: relative_weight(&features(target, guide), None, RELATIVE_FLOOR),
     }

@@ -23,7 +23,7 @@ fn measure(case: &Case, form: Form, influence: f32, isa: Isa) -> Worst {
     let (pixels, width) = (region.pixels(), region.width);
     let raw = case.outputs(form);
     let scale = 1.0 / (3 * pixels) as f32;
-    let (loss, gradient) = objective.loss(isa, &[Tile { half: 0, region }], raw, scale, influence);
+    let (loss, gradient) = objective.loss(isa, &[Tile::upright(0, region)], raw, scale, influence);
 
     let mut p = raw.to_vec();
     parameters::activate(isa, form, &mut p);

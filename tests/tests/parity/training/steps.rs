@@ -34,7 +34,6 @@ impl Setup {
         });
         let taps = Taps::square(case.count("radius"));
         let half = |own: &Image, other: &Image| HalfObjective {
-            features: own.clone(),
             windows: Windows::new(own, None, FeatureSet::ALL, taps.radius()),
             target: triple(other, RADIANCE),
             weight: relative_weight(other, None, RELATIVE_FLOOR),
