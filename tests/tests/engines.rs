@@ -97,7 +97,7 @@ impl Case {
         let taps = Taps::square(contract.window_radius);
         let objective = Objective::new(&prepared, Form::Gated, taps, FeatureSet::ALL);
         let region = Region { top: 0, left: 0, height: self.height, width: self.width };
-        let tiles = (0..2).map(|half| Tile { half, region }).collect();
+        let tiles = (0..2).map(|half| Tile::upright(half, region)).collect();
         TileBatch { objective: Arc::new(objective), tiles: Arc::new(tiles), shape: contract.shape, isa }
     }
 
