@@ -9,6 +9,15 @@ use sspc_train::preset::{Preset, Rate, Sampling, Settings};
 
 const STEPS: usize = 1000;
 
+/// The largest rate of our presets.
+fn largest_peak() -> f64 {
+    let peaks = [Preset::Fast, Preset::Balanced, Preset::Quality].map(|preset| match Settings::of(preset, 1).rate {
+        Rate::Cosine { peak, .. } => peak,
+        Rate::NoiseScaled { .. } => 0.0,
+    });
+    peaks.into_iter().fold(0.0, f64::max)
+}
+
 /// The presets with their own network, window and loss, at the largest rate they may ever use, on small
 /// tiles.
 fn settings(preset: Preset) -> Settings {
@@ -18,7 +27,7 @@ fn settings(preset: Preset) -> Settings {
     let rate = match own.rate {
         // The paper's rule ends at the largest rate that a fit may have.
         Rate::NoiseScaled { .. } => Rate::NoiseScaled { factor: 1e30 },
-        Rate::Cosine { warm_up, .. } => Rate::Cosine { peak: 5e-3, warm_up },
+        Rate::Cosine { warm_up, .. } => Rate::Cosine { peak: largest_peak(), warm_up },
     };
     Settings { rate, tile: 8, batch, ..own }
 }
