@@ -41,9 +41,10 @@ VARIANTS = [
         Variant("features", name, tuple(word for role in roles for word in ("--role", f"{role}=none")))
         for name, roles in WITHOUT.items()
     ),
-    *of("window (19)", *((f"{side} x {side}", f"window={side}") for side in (7, 11, 15, 25))),
-    *of("hidden channels (16)", *((f"{n}", f"hidden={n}") for n in (4, 8))),
-    *of("convolutions (9)", *((f"{n}", f"layers={n}") for n in (3, 5, 7))),
+    # The preset's own size is among these, whichever it is: its row must equal the first one.
+    *of("window", *((f"{side} x {side}", f"window={side}") for side in (7, 11, 15, 19, 25))),
+    *of("hidden channels", *((f"{n}", f"hidden={n}") for n in (4, 8, 16))),
+    *of("convolutions", *((f"{n}", f"layers={n}") for n in (3, 5, 7, 9))),
 ]
 # Skips pay only where there is something to skip; each of these is a pair on one frame, without and with.
 HALF_EMPTY, FEATURELESS = "half-empty", "featureless"
