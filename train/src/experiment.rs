@@ -2,7 +2,7 @@
 
 use crate::combination::Combination;
 use crate::fit::LARGEST_RATE;
-use crate::preset::{Rate, Settings, Start};
+use crate::preset::{Influence, Rate, Settings, Start};
 use sspc_core::features::MAX_RADIUS;
 use sspc_core::finish::Composition;
 use sspc_core::network::MAX_CHANNELS;
@@ -24,7 +24,7 @@ pub const KEYS: [(&str, &str); 11] = [
     ("layers", "convolutions, 1 to 32"),
     ("combination", "gc, or fc (Deep Combiner's function)"),
     ("gate", "none (the paper's form), or the gate's start between 0 and 1"),
-    ("influence", "limit on a pixel's gradient, above 0, or inf"),
+    ("influence", "limit on a pixel's gradient, above 0, the same at every step, or inf"),
     ("tile", "side of a training tile in pixels, 8 to 512"),
     ("batch", "tiles a step, 1 to 256"),
     ("rate", "highest learning rate, above 0, at most 0.1"),
@@ -120,8 +120,10 @@ impl Change {
                     self.choice(&[("gc", Combination::PostCorrection), ("fc", Combination::DeepCombiner)])?;
             }
             "gate" => self.set_gate(settings)?,
-            "influence" if self.value == "inf" => settings.influence = f32::INFINITY,
-            "influence" => settings.influence = self.number(|m: &f32| *m > 0.0 && m.is_finite())?,
+            "influence" if self.value == "inf" => settings.influence = Influence::UNLIMITED,
+            "influence" => {
+                settings.influence = Influence::constant(self.number(|m: &f32| *m > 0.0 && m.is_finite())?);
+            }
             "tile" => settings.tile = self.number(|n| (TILES.0..=TILES.1).contains(n))?,
             "batch" => settings.batch = self.number(|n| (1..=MAX_BATCH).contains(n))?,
             "rate" => {
@@ -206,8 +208,8 @@ mod tests {
             ("layers=3", small(&|s| s.shape.layers = 3)),
             ("combination=fc", small(&|s| s.combination = Combination::DeepCombiner)),
             ("gate=0.25", small(&|s| s.start = Start::Analytic { gate: 0.25 })),
-            ("influence=inf", small(&|s| s.influence = f32::INFINITY)),
-            ("influence=0.5", small(&|s| s.influence = 0.5)),
+            ("influence=inf", small(&|s| s.influence = Influence::UNLIMITED)),
+            ("influence=0.5", small(&|s| s.influence = Influence::constant(0.5))),
             ("tile=32", small(&|s| s.tile = 32)),
             ("batch=16", small(&|s| s.batch = 16)),
             ("rate=0.004", small(&|s| s.rate = Rate::Cosine { peak: 0.004, warm_up: 10 })),

@@ -106,12 +106,12 @@ pub fn noise_scaled_rate(factor: f64, prepared: &[&Prepared]) -> f64 {
     (factor * f64::sqrt(sum / f64::max(count, 1.0))).min(LARGEST_RATE)
 }
 
-fn rate_at(settings: &Settings, noise_rate: f64, step: usize, steps: usize, elapsed: f64) -> f64 {
+/// The rate at `step` (from 0), when this share of the training is `done`.
+fn rate_at(settings: &Settings, noise_rate: f64, step: usize, done: f64) -> f64 {
     match settings.rate {
         Rate::NoiseScaled { .. } => noise_rate,
         Rate::Cosine { peak, warm_up } => {
             let warm = ((step + 1) as f64 / warm_up.max(1) as f64).min(1.0);
-            let done = (step as f64 / steps.max(1) as f64).max(elapsed).min(1.0);
             let cosine = 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
             peak * warm * cosine
         }
@@ -158,9 +158,10 @@ pub fn fit(
             isa,
         };
         let outputs = settings.combination.hold(batch.outputs(model.weights()));
-        let loss = batch.loss(outputs, settings.influence);
+        let done = (step as f64 / steps as f64).max(limits.elapsed_share(start)).min(1.0);
+        let loss = batch.loss(outputs, settings.influence.at(done));
         let value = f64::from(loss.clone().into_scalar::<f32>());
-        let rate = guard.brake() * rate_at(settings, noise_rate, step, steps, limits.elapsed_share(start));
+        let rate = guard.brake() * rate_at(settings, noise_rate, step, done);
         let gradients = GradientsParams::from_grads(loss.backward(), &model);
         let gradient = gradients.get::<1>(model.id()).map(to_vec).unwrap_or_default();
         if guard.allows(value, &gradient) {

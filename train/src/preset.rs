@@ -62,6 +62,30 @@ pub enum Rate {
     Cosine { peak: f64, warm_up: usize },
 }
 
+/// The weighted error norm m from which a pixel's gradient is limited ([`Objective::loss`]), over
+/// the steps: from the first to the last in equal ratios. While the rate is high, outliers of y would
+/// throw the weights about; at the end, when steps are small, they should have their say.
+///
+/// [`Objective::loss`]: sspc_core::objective::Objective::loss
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Influence {
+    pub first: f32,
+    pub last: f32,
+}
+
+impl Influence {
+    pub const UNLIMITED: Influence = Influence::constant(f32::INFINITY);
+
+    pub const fn constant(limit: f32) -> Self {
+        Influence { first: limit, last: limit }
+    }
+
+    /// The limit when this share of the training, 0..1, is done.
+    pub fn at(self, done: f64) -> f32 {
+        if self.first == self.last { self.first } else { self.first * (self.last / self.first).powf(done as f32) }
+    }
+}
+
 /// Everything that decides how a fit runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -82,8 +106,8 @@ pub struct Settings {
     pub steps: usize,
     /// Epochs over a grid.
     pub epochs: usize,
-    /// Weighted error norm from which a pixel's gradient is limited; infinite: never.
-    pub influence: f32,
+    /// From which error on a pixel's gradient is limited.
+    pub influence: Influence,
     /// What the picture is made of.
     pub composition: Composition,
     /// Features that may take part: all, or those of the model that training starts from.
@@ -100,7 +124,7 @@ impl Settings {
         let (steps, peak) = match preset {
             Preset::Fast => (100, 6e-3),
             Preset::Quality => (1000, 4e-3),
-            Preset::Balanced | Preset::Paper => (250, 4e-3),
+            Preset::Balanced | Preset::Paper => (400, 4e-3),
         };
         let ours = Settings {
             preset,
@@ -116,7 +140,7 @@ impl Settings {
             rate: Rate::Cosine { peak, warm_up: 10 },
             steps,
             epochs: 0,
-            influence: 1.0,
+            influence: Influence { first: 1.0, last: 10.0 },
             composition: Composition::JudgedFullBuffer,
             features: FeatureSet::ALL,
             skip: Skip::ALL,
@@ -134,7 +158,7 @@ impl Settings {
                 batch: 16,
                 rate: Rate::NoiseScaled { factor: 0.01 },
                 epochs: 20,
-                influence: f32::INFINITY,
+                influence: Influence::UNLIMITED,
                 composition: Composition::MeanOfHalves,
                 ..ours
             },

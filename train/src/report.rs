@@ -1,7 +1,7 @@
 //! report.json: every figure and setting of a fit.
 
 use crate::fit::{End, Step};
-use crate::preset::{Preset, Settings};
+use crate::preset::{Influence, Preset, Settings};
 use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::features::FeatureSet;
@@ -184,7 +184,7 @@ pub fn settings_json(settings: &Settings) -> serde_json::Value {
         "tile": settings.tile,
         "batch": settings.batch,
         "rate": format!("{:?}", settings.rate),
-        "influence": settings.influence.is_finite().then_some(settings.influence),
+        "influence": (settings.influence != Influence::UNLIMITED).then_some(settings.influence),
         "skip": settings.skip,
         "changed": settings.changes,
     })
