@@ -4,6 +4,7 @@ import argparse
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -22,7 +23,8 @@ Repeats a frame side by side until it fills each size, runs `sspc-train fit --pr
 and peak memory. The model that `run` uses is the one fitted on the smallest frame. Programs are those of
 target/release (or $CARGO_TARGET_DIR), the frames are made by an example: build both first,
 `cargo build --release --workspace --bins --examples`. 8K takes 4 GB of disk and, for fit, 12 GB of memory.
-Exit codes: 0 done, 1 a run failed or took more memory than it may, 2 bad arguments."""
+Exit codes: 0 done, 1 a run failed or took more memory than it may, 2 bad arguments,
+130 interrupted (what was measured is kept)."""
 
 # Longest run of one program: an 8K fit reads and corrects for minutes beside its time limit.
 TIMEOUT = 3600
@@ -43,25 +45,36 @@ def main(arguments=None):
     environment = dict(os.environ)
     if options.threads:
         environment["RAYON_NUM_THREADS"] = str(options.threads)
-    results = []
+    results, interrupted = [], False
     with tempfile.TemporaryDirectory(prefix="sspc-scale-", dir=options.scratch) as scratch:
-        model = options.model
-        for size in sorted(options.sizes, key=lambda size: size[0] * size[1]):
-            frame = tiled(programs["examples/tile"], options.frame, size, Path(scratch))
-            for name in options.programs:
-                out = Path(scratch) / f"{name}-out"
-                command = line(programs, name, frame, out, model, options)
-                results.append(measure(name, size, command, environment, out))
-                print(record.sentence(results[-1]), file=sys.stderr, flush=True)
-                if name == "fit" and not results[-1]["failure"]:
-                    model = model or kept(out / "model.onnx", Path(scratch))
-                subprocess.run(["rm", "-rf", str(out)], check=True)
-            for path in frame.values():
-                path.unlink()
+        try:
+            carry_out(options, programs, environment, Path(scratch), results)
+        except KeyboardInterrupt:
+            print("interrupted: keeping what was measured", file=sys.stderr)
+            interrupted = True
     about["load_average_after"] = machine.load()
-    for path in record.write(options.output, about, results):
+    for path in record.write(options.output, about, results) if results else []:
         print(f"wrote {path}", file=sys.stderr)
+    if interrupted:
+        return 130
     return 1 if any(result["failure"] or record.too_much(result) for result in results) else 0
+
+
+def carry_out(options, programs, environment, scratch, results):
+    """Measures every size, small ones first; appends to `results` as they come."""
+    model = options.model
+    for size in sorted(options.sizes, key=lambda size: size[0] * size[1]):
+        frame = tiled(programs["examples/tile"], options.frame, size, scratch)
+        for name in options.programs:
+            out = scratch / f"{name}-out"
+            command = line(programs, name, frame, out, model, options)
+            results.append(measure(name, size, command, environment, out))
+            print(record.sentence(results[-1]), file=sys.stderr, flush=True)
+            if name == "fit" and not results[-1]["failure"]:
+                model = model or kept(out / "model.onnx", scratch)
+            shutil.rmtree(out, ignore_errors=True)
+        for path in frame.values():
+            path.unlink()
 
 
 def command_line():
