@@ -78,7 +78,8 @@ pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
 }
 
 /// Estimate of how much smaller the error of `after` is than that of `before`:
-/// L̂(before) - L̂(after), which needs no variance; over `rows`.
+/// L̂(before) - L̂(after), which needs no variance; over `rows`, with
+/// [`crate::objective::shared_weight`].
 pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<usize>) -> Blocks {
     sum_blocks(prepared, rows, |i| {
         (0..2)
@@ -92,9 +93,10 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<
                         (p - q) * (p + q - 2.0 * y)
                     })
                     .sum();
-                0.5 * weight(prepared, h, i) * product
+                0.5 * product
             })
-            .sum()
+            .sum::<f64>()
+            * shared_weight(prepared, i)
     })
 }
 
@@ -131,6 +133,13 @@ fn variance(prepared: &Prepared, i: usize) -> f64 {
 fn weight(prepared: &Prepared, h: usize, i: usize) -> f64 {
     let z: f32 = (0..3).map(|k| prepared.halves[1 - h].plane(DENOISED + k)[i]).sum::<f32>() / 3.0;
     f64::from(1.0 / (z * z + RELATIVE_FLOOR))
+}
+
+/// [`crate::objective::shared_weight`] of a pixel.
+fn shared_weight(prepared: &Prepared, i: usize) -> f64 {
+    let z = |k: usize| 0.5 * (prepared.halves[0].plane(DENOISED + k)[i] + prepared.halves[1].plane(DENOISED + k)[i]);
+    let mean = (z(0) + z(1) + z(2)) / 3.0;
+    f64::from(1.0 / (mean * mean + RELATIVE_FLOOR))
 }
 
 /// Sums over the valid pixels of `rows` and three channels of `value(pixel)`.

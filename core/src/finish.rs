@@ -17,7 +17,7 @@ use crate::features::{DENOISED, RADIANCE, Windows};
 use crate::frame::Frame;
 use crate::gc::Taps;
 use crate::image::Image;
-use crate::objective::{RELATIVE_FLOOR, relative_weight, triple};
+use crate::objective::{shared_weight, triple};
 use crate::parameters::Form;
 use crate::plan::Plan;
 use crate::prepare::{Buffer, Prepared};
@@ -270,13 +270,12 @@ struct Evidence {
 impl Evidence {
     fn of(prepared: &Prepared, halves: &[Image]) -> Self {
         let (height, width) = (prepared.height(), prepared.width());
-        let weights = [0, 1].map(|h| relative_weight(&prepared.halves[1 - h], prepared.valid.as_ref(), RELATIVE_FLOOR));
+        let weight = shared_weight(prepared);
         let sum = |of: fn(f32, f32) -> f32| {
             Image::from_rows(1, height, width, |_, y, row| {
                 for (h, k) in (0..2).flat_map(|h| (0..3).map(move |k| (h, k))) {
                     let (own, other) = (&prepared.halves[h], &prepared.halves[1 - h]);
-                    let (z, target, weight) =
-                        (own.row(DENOISED + k, y), other.row(RADIANCE + k, y), weights[h].row(0, y));
+                    let (z, target, weight) = (own.row(DENOISED + k, y), other.row(RADIANCE + k, y), weight.row(0, y));
                     let corrected = halves[h].row(k, y);
                     for x in 0..width {
                         let d = corrected[x] - z[x];

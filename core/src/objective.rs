@@ -22,7 +22,8 @@ pub struct HalfObjective {
     pub windows: Windows,
     /// y of the other half, `[3, H, W]`.
     pub target: Image,
-    /// Weight of a pixel's squared error: 1 / (z̄² + 0.01) of the other half, 0 where missing.
+    /// Weight of a pixel's squared error, 0 where missing: 1 / (z̄² + 0.01) of the other half (the
+    /// paper's), or of both.
     pub weight: Image,
 }
 
@@ -91,6 +92,24 @@ pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> I
     })
 }
 
+/// 1 / (z̄² + 0.01) with z the mean of both halves' z, 0 where a pixel is missing.
+///
+/// Noise of y^b that the denoiser let through makes z^b bright where y^b is bright. A weight of z^b
+/// alone counts such pixels less than those whose noise is dark, and what is fitted to y^b under it
+/// comes out too dark; half of z^a halves that. (A weight of z^a alone would be exact, and is noisier.)
+pub fn shared_weight(prepared: &Prepared) -> Image {
+    let means = triple(&Image::mean_of(&prepared.halves[0], &prepared.halves[1]), DENOISED);
+    Image::from_rows(1, prepared.height(), prepared.width(), |_, y, row| {
+        let z = [means.row(0, y), means.row(1, y), means.row(2, y)];
+        for (x, weight) in row.iter_mut().enumerate() {
+            if prepared.is_valid(y * prepared.width() + x) {
+                let mean = (z[0][x] + z[1][x] + z[2][x]) / 3.0;
+                *weight = 1.0 / (mean * mean + RELATIVE_FLOOR);
+            }
+        }
+    })
+}
+
 /// The three planes from `first` on.
 pub fn triple(features: &Image, first: usize) -> Image {
     Image::from_rows(3, features.height(), features.width(), |k, y, row| {
@@ -99,7 +118,7 @@ pub fn triple(features: &Image, first: usize) -> Image {
 }
 
 impl Objective {
-    /// The objective of a frame with windows of `radius`.
+    /// The paper's objective of a frame (Eqs. 8, 9).
     pub fn new(prepared: &Prepared, form: Form, taps: Taps, set: FeatureSet) -> Self {
         let half = |h: usize| {
             let other = &prepared.halves[1 - h];
@@ -110,6 +129,14 @@ impl Objective {
             }
         };
         Self { form, halves: [half(0), half(1)], taps }
+    }
+
+    /// The same with [`shared_weight`].
+    pub fn with_shared_weight(mut self, prepared: &Prepared) -> Self {
+        let weight = shared_weight(prepared);
+        self.halves[0].weight = weight.clone();
+        self.halves[1].weight = weight;
+        self
     }
 
     /// Features of equally large tiles, mirrored as each tile says, `[tiles, 13, h, w]`.

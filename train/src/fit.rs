@@ -3,7 +3,7 @@
 use crate::backend::Backend;
 use crate::guard::Guard;
 use crate::model::{Corrector, TileBatch, to_vec};
-use crate::preset::{Rate, Settings, Start};
+use crate::preset::{Denominator, Rate, Settings, Start};
 use crate::tiles::Schedule;
 use burn::optim::{AdamConfig, GradientsParams};
 use sspc_core::features::RADIANCE;
@@ -85,7 +85,11 @@ pub fn starting_network(settings: &Settings) -> Network {
 
 /// The objective of one frame under `settings`.
 pub fn objective(prepared: &Prepared, settings: &Settings) -> Arc<Objective> {
-    Arc::new(Objective::new(prepared, settings.form, Taps::square(settings.radius), prepared.set))
+    let paper = Objective::new(prepared, settings.form, Taps::square(settings.radius), prepared.set);
+    Arc::new(match settings.denominator {
+        Denominator::OtherHalf => paper,
+        Denominator::BothHalves => paper.with_shared_weight(prepared),
+    })
 }
 
 /// Adam moves every weight by about the rate: above this a network of weights near 0.1 is lost.

@@ -62,6 +62,16 @@ pub enum Rate {
     Cosine { peak: f64, warm_up: usize },
 }
 
+/// Whose z is in the denominator of the loss.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Denominator {
+    /// That of the half compared with (the paper).
+    OtherHalf,
+    /// The mean of both ([`sspc_core::objective::shared_weight`]).
+    BothHalves,
+}
+
 /// The weighted error norm m from which a pixel's gradient is limited ([`Objective::loss`]), over
 /// the steps: from the first to the last in equal ratios. While the rate is high, outliers of y would
 /// throw the weights about; at the end, when steps are small, they should have their say.
@@ -106,6 +116,8 @@ pub struct Settings {
     pub steps: usize,
     /// Epochs over a grid.
     pub epochs: usize,
+    /// Whose z is in the loss's denominator.
+    pub denominator: Denominator,
     /// From which error on a pixel's gradient is limited.
     pub influence: Influence,
     /// What the picture is made of.
@@ -122,9 +134,9 @@ pub struct Settings {
 impl Settings {
     pub fn of(preset: Preset, seed: u64) -> Self {
         let (steps, peak) = match preset {
-            Preset::Fast => (100, 6e-3),
+            Preset::Fast => (80, 6e-3),
             Preset::Quality => (1000, 4e-3),
-            Preset::Balanced | Preset::Paper => (400, 4e-3),
+            Preset::Balanced | Preset::Paper => (300, 4e-3),
         };
         let ours = Settings {
             preset,
@@ -140,6 +152,7 @@ impl Settings {
             rate: Rate::Cosine { peak, warm_up: 10 },
             steps,
             epochs: 0,
+            denominator: Denominator::BothHalves,
             influence: Influence { first: 1.0, last: 10.0 },
             composition: Composition::JudgedFullBuffer,
             features: FeatureSet::ALL,
@@ -158,6 +171,7 @@ impl Settings {
                 batch: 16,
                 rate: Rate::NoiseScaled { factor: 0.01 },
                 epochs: 20,
+                denominator: Denominator::OtherHalf,
                 influence: Influence::UNLIMITED,
                 composition: Composition::MeanOfHalves,
                 ..ours

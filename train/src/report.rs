@@ -184,6 +184,7 @@ pub fn settings_json(settings: &Settings) -> serde_json::Value {
         "tile": settings.tile,
         "batch": settings.batch,
         "rate": format!("{:?}", settings.rate),
+        "denominator": settings.denominator,
         "influence": (settings.influence != Influence::UNLIMITED).then_some(settings.influence),
         "skip": settings.skip,
         "changed": settings.changes,
