@@ -28,6 +28,9 @@ const AROUND: usize = 2 * 48;
 /// The corrected picture, and the brightness of every pixel while the frame is looked over, of which one is gone
 /// before the other comes. Holding the frame would take 108.
 const BYTES_A_PIXEL_MORE: usize = 16;
+/// Buffers of the threads that read, of which sometimes more and sometimes fewer live at once. Holding the frame
+/// would take 5 MiB more for these rows.
+const SCATTER: usize = 1 << 20;
 
 /// Files of colour, albedo and normal for both halves, 27 planes.
 fn frame(folder: &Path, height: usize) -> FrameFiles {
@@ -71,9 +74,9 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
     correct(&files[0]);
     let [(small, low), (_, high)] = files.each_ref().map(correct);
     let more = 384 * WIDTH;
-    assert!(high - low < BYTES_A_PIXEL_MORE * more, "{low} bytes, and {high} for twice the rows");
+    assert!(high - low < BYTES_A_PIXEL_MORE * more + SCATTER, "{low} bytes, and {high} for twice the rows");
     let band = (BAND + AROUND) * WIDTH * BYTES_PER_PIXEL;
-    assert!(low < band + BYTES_A_PIXEL_MORE * more, "{low} bytes, {band} for the band");
+    assert!(low < band + BYTES_A_PIXEL_MORE * more + SCATTER, "{low} bytes, {band} for the band");
 
     // The same picture as that of the frame in memory.
     let held = read_frame(&files[0], &RoleOverrides::none()).expect("frame");
