@@ -188,3 +188,15 @@ fn mirror_sides(row: &mut [f32], width: usize, radius: usize) {
         row[x] = row[radius + mirrored(x as isize - radius as isize, width)];
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::mirrored;
+
+    #[test]
+    fn mirrored_indices_repeat_the_edges() {
+        assert_eq!((0..8).map(|i| mirrored(i, 3)).collect::<Vec<_>>(), [0, 1, 2, 2, 1, 0, 0, 1]);
+        assert_eq!((-4..0).map(|i| mirrored(i, 3)).collect::<Vec<_>>(), [2, 2, 1, 0]);
+        assert_eq!((-1..2).map(|i| mirrored(i, 1)).collect::<Vec<_>>(), [0, 0, 0]);
+    }
+}

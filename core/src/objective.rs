@@ -303,7 +303,7 @@ mod tests {
     use crate::prepare::Exposure;
     use crate::rng::Rng;
 
-    fn objective(rng: &mut Rng) -> Objective {
+    fn prepared(rng: &mut Rng) -> Prepared {
         let mut half = || {
             let mut image = |channels| Image::from_fn(channels, 21, 26, |_, _, _| rng.uniform());
             let radiance = image(3);
@@ -312,14 +312,35 @@ mod tests {
         };
         let (a, b) = (half(), half());
         let frame = Frame { a, b, denoised: None, sources: Vec::new(), warnings: Vec::new() };
-        let prepared = Prepared::new(&frame, Exposure::AsIs);
-        Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set)
+        Prepared::new(&frame, Exposure::AsIs)
+    }
+
+    #[test]
+    fn the_shared_weight_is_of_both_halves_alike_and_0_where_a_pixel_is_missing() {
+        let mut prepared = prepared(&mut Rng::new(2));
+        for (h, z) in [(0, [0.1, 0.2, 0.3]), (1, [0.5, 0.6, 0.7])] {
+            (0..3).for_each(|k| prepared.halves[h].set(DENOISED + k, 3, 4, z[k]));
+        }
+        let mut valid = Image::filled(1, prepared.height(), prepared.width(), 1.0);
+        valid.set(0, 20, 25, 0.0);
+        prepared.valid = Some(valid);
+        let weight = shared_weight(&prepared);
+        // z̄ is 0.2 and 0.6, their mean 0.4.
+        assert!((weight.at(0, 3, 4) - 1.0 / 0.17).abs() < 1e-5, "{}", weight.at(0, 3, 4));
+        assert_eq!(weight.at(0, 20, 25), 0.0);
+        let objective = Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set);
+        assert!((objective.halves[0].weight.at(0, 3, 4) - 1.0 / 0.37).abs() < 1e-5, "the paper's is of the other half");
+        let objective = objective.with_shared_weight(&prepared);
+        assert!(objective.halves.iter().all(|half| half.weight == weight));
+        prepared.halves.swap(0, 1);
+        assert!(shared_weight(&prepared) == weight, "halves exchanged");
     }
 
     #[test]
     fn a_mirrored_tile_is_the_same_tile_to_g_c_and_the_loss() {
         let mut rng = Rng::new(5);
-        let objective = objective(&mut rng);
+        let prepared = prepared(&mut rng);
+        let objective = Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set);
         let region = Region { top: 4, left: 7, height: 9, width: 12 };
         let outputs: Vec<f32> = (0..16 * region.pixels()).map(|_| rng.normal()).collect();
         let isa = Isa::best();

@@ -182,3 +182,26 @@ impl Settings {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_influence_limit_rises_in_equal_ratios() {
+        let limit = Influence { first: 1.0, last: 100.0 };
+        for (done, expected) in [(0.0, 1.0), (0.5, 10.0), (1.0, 100.0)] {
+            assert!((limit.at(done) / expected - 1.0).abs() < 1e-5, "{done}: {}", limit.at(done));
+        }
+        assert_eq!(Influence::constant(0.5).at(0.7), 0.5);
+        assert_eq!(Influence::UNLIMITED.at(0.3), f32::INFINITY);
+    }
+
+    #[test]
+    fn the_paper_preset_keeps_the_papers_form() {
+        let paper = Settings::of(Preset::Paper, 1);
+        assert_eq!((paper.form, paper.shape.layers, paper.radius), (Form::Paper, 9, 9));
+        assert_eq!((paper.influence, paper.denominator), (Influence::UNLIMITED, Denominator::OtherHalf));
+        assert_eq!((paper.exposure, paper.composition), (Exposure::AsIs, Composition::MeanOfHalves));
+    }
+}
