@@ -1,8 +1,8 @@
 //! Cuts, repeats or blanks OpenEXR files, all parts and channels, sample types kept, ZIP: how the sample frames of the
-//! repository were made, and how the benchmark makes a large frame and one with an empty half.
+//! repository were made, and how benchmarks make large frames and one with an empty half.
 //!
 //!     cargo run --release -p sspc-core --example edit_exr -- crop IN.exr OUT.exr LEFT TOP WIDTH HEIGHT
-//!     ... mirror IN.exr OUT.exr COLUMNS ROWS                  so many copies, every second one mirrored
+//!     ... mirror IN.exr OUT.exr WIDTH HEIGHT                  copies, every second one mirrored, until the size is filled
 //!     ... blank IN.exr OUT.exr LEFT TOP WIDTH HEIGHT          a rectangle of zeros
 
 use exr::compression::Compression;
@@ -14,7 +14,7 @@ use sspc_core::features::mirrored;
 use sspc_core::io::atomic_write;
 use std::path::PathBuf;
 
-const USAGE: &str = "expected crop|blank IN.exr OUT.exr LEFT TOP WIDTH HEIGHT, or mirror IN.exr OUT.exr COLUMNS ROWS";
+const USAGE: &str = "expected crop|blank IN.exr OUT.exr LEFT TOP WIDTH HEIGHT, or mirror IN.exr OUT.exr WIDTH HEIGHT";
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 enum Edit {
     Crop(Rectangle),
-    Mirror { columns: usize, rows: usize },
+    Mirror { width: usize, height: usize },
     Blank(Rectangle),
 }
 
@@ -61,7 +61,7 @@ impl Edit {
         match (what, numbers) {
             ("crop", &[left, top, width, height]) => Some(Edit::Crop(Rectangle { left, top, width, height })),
             ("blank", &[left, top, width, height]) => Some(Edit::Blank(Rectangle { left, top, width, height })),
-            ("mirror", &[columns, rows]) if columns * rows > 0 => Some(Edit::Mirror { columns, rows }),
+            ("mirror", &[width, height]) if width * height > 0 => Some(Edit::Mirror { width, height }),
             _ => None,
         }
     }
@@ -69,7 +69,7 @@ impl Edit {
     /// Width and height of the result.
     fn size(&self, width: usize, height: usize) -> Result<(usize, usize), String> {
         match self {
-            Edit::Mirror { columns, rows } => Ok((columns * width, rows * height)),
+            Edit::Mirror { width, height } => Ok((*width, *height)),
             Edit::Crop(r) | Edit::Blank(r) if r.left + r.width > width || r.top + r.height > height => {
                 Err(format!("{}x{} at ({}, {}) leaves {width}x{height}", r.width, r.height, r.left, r.top))
             }

@@ -22,7 +22,7 @@ def source(frames):
 
 def fourfold(frame, tool, folder):
     """Two by two mirrored copies of a frame, to be timed alone: a copy's error says nothing new."""
-    copy = made(frame, tool, folder, "2x2", lambda _: ("mirror", "2", "2"))
+    copy = made(frame, tool, folder, "2x2", lambda path: ("mirror", *(str(2 * side) for side in size(path))))
     return dataclasses.replace(copy, reference=None, shot=None)
 
 

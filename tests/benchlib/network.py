@@ -13,7 +13,6 @@ import time
 from pathlib import Path
 
 from . import machine
-from .tiled import size, write_tiled
 
 ROOT = Path(__file__).resolve().parents[2]
 # Rows of the parameters that engine_speed writes are this far apart.
@@ -177,6 +176,17 @@ def model_for(programs, folder):
     return Path(folder, "network.onnx")
 
 
+def size(text):
+    """WIDTHxHEIGHT as (height, width)."""
+    width, height = text.lower().split("x")
+    return int(height), int(width)
+
+
+def enlarge(programs, source, target, height, width):
+    """Writes `target`, made of mirrored copies of `source`: speed and memory can be measured on it, quality cannot."""
+    subprocess.run([programs / "examples" / "edit_exr", "mirror", source, target, str(width), str(height)], check=True)
+
+
 def main(arguments=None):
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
@@ -197,7 +207,7 @@ def main(arguments=None):
         print(engine_table(measure_engines(programs, height, width, options.repeats, options.threads), height, width) + "\n")
         with tempfile.TemporaryDirectory() as folder:
             for name in ("a.exr", "b.exr", "denoised.exr"):
-                write_tiled(options.source / name, Path(folder, name), height, width)
+                enlarge(programs, options.source / name, Path(folder, name), height, width)
             model = model_for(programs, folder)
             print(run_table(measure_run(programs, folder, model, options.repeats, options.threads)) + "\n")
     return 0

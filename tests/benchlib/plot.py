@@ -98,17 +98,17 @@ def frame(title, subtitle):
     ]
 
 
-def grid(x, y):
-    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
-    lines = [f'<rect x="{LEFT}" y="{TOP}" width="{right - LEFT}" height="{bottom - TOP}" fill="none" stroke="#888"/>']
+def grid(x, y, left=LEFT, top=TOP, right=WIDTH - RIGHT, bottom=HEIGHT - BOTTOM):
+    """Frame, grid lines and tick labels of a panel with those edges."""
+    lines = [f'<rect x="{left}" y="{top}" width="{right - left}" height="{bottom - top}" fill="none" stroke="#888"/>']
     for value in x.ticks():
         at = x.at(value)
-        lines.append(f'<line x1="{at:.1f}" y1="{TOP}" x2="{at:.1f}" y2="{bottom}" stroke="#e5e5e5"/>')
+        lines.append(f'<line x1="{at:.1f}" y1="{top}" x2="{at:.1f}" y2="{bottom}" stroke="#e5e5e5"/>')
         lines.append(text(at, bottom + 18, f"{value:g}", "middle"))
     for value in y.ticks():
         at = y.at(value)
-        lines.append(f'<line x1="{LEFT}" y1="{at:.1f}" x2="{right}" y2="{at:.1f}" stroke="#e5e5e5"/>')
-        lines.append(text(LEFT - 8, at + 4, f"{value:g}", "end"))
+        lines.append(f'<line x1="{left}" y1="{at:.1f}" x2="{right}" y2="{at:.1f}" stroke="#e5e5e5"/>')
+        lines.append(text(left - 8, at + 4, f"{value:g}", "end"))
     return lines
 
 

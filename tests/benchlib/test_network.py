@@ -1,5 +1,6 @@
 """The large frames and the comparison of answers that network-bench relies on."""
 
+import os
 import tempfile
 import unittest
 from pathlib import Path
@@ -7,26 +8,24 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from . import network, tiled
+from . import network
 
 
-class Tiled(unittest.TestCase):
-    def test_mirrored_indices_repeat_the_edges(self):
-        self.assertEqual(tiled.mirrored(8, 3).tolist(), [0, 1, 2, 2, 1, 0, 0, 1])
-        self.assertEqual(tiled.mirrored(3, 1).tolist(), [0, 0, 0])
-
+class Enlarged(unittest.TestCase):
     def test_a_large_frame_keeps_channels_and_types(self):
         source = network.ROOT / "tests/data/sample/denoised.exr"
         before = OpenEXR.File(str(source), separate_channels=True).channels()
+        programs = Path(os.environ.get("CARGO_TARGET_DIR", network.ROOT / "target"), "release")
         with tempfile.TemporaryDirectory() as folder:
             target = Path(folder, "large.exr")
-            tiled.write_tiled(source, target, 200, 300)
+            network.enlarge(programs, source, target, 200, 300)
             after = OpenEXR.File(str(target), separate_channels=True).channels()
             self.assertEqual(sorted(before), sorted(after))
             for name, channel in after.items():
                 small = before[name].pixels
                 self.assertEqual((channel.pixels.shape, channel.pixels.dtype), ((200, 300), small.dtype))
                 self.assertEqual(channel.pixels[5, 256], small[5, 255])
+                self.assertEqual(channel.pixels[199, 299], small[184, 212])
 
 
 class Check(unittest.TestCase):

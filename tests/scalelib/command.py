@@ -18,7 +18,7 @@ from . import record
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DESCRIPTION = """\
-Repeats a frame side by side until it fills each size, runs `sspc-train fit --preset fast --time-limit 60` and
+Mirrors a frame on and on until it fills each size, runs `sspc-train fit --preset fast --time-limit 60` and
 `sspc-infer run` on it, file to file, and writes a dated record (table, JSON, plot) of wall time, time of all cores
 and peak memory. The model that `run` uses is the one fitted on the smallest frame. Programs are those of
 target/release (or $CARGO_TARGET_DIR), the frames are made by an example: build both first,
@@ -32,7 +32,7 @@ TIMEOUT = 3600
 
 def main(arguments=None):
     options = command_line().parse_args(arguments)
-    programs = {name: find_program(options, name) for name in ("sspc-train", "sspc-infer", "examples/tile")}
+    programs = {name: find_program(options, name) for name in ("sspc-train", "sspc-infer", "examples/edit_exr")}
     head = machine.commit(REPOSITORY)
     about = {
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
@@ -64,7 +64,7 @@ def carry_out(options, programs, environment, scratch, results):
     """Measures every size, small ones first; appends to `results` as they come."""
     model = options.model
     for size in sorted(options.sizes, key=lambda size: size[0] * size[1]):
-        frame = tiled(programs["examples/tile"], options.frame, size, scratch)
+        frame = enlarged(programs["examples/edit_exr"], options.frame, size, scratch)
         for name in options.programs:
             out = scratch / f"{name}-out"
             command = line(programs, name, frame, out, model, options)
@@ -118,12 +118,12 @@ def find_program(options, name):
     return path
 
 
-def tiled(tile, frame, size, scratch):
-    """The frame's three files at a size."""
+def enlarged(edit, frame, size, scratch):
+    """The frame's three files at a size, made of mirrored copies."""
     names = ("a", "b", "denoised")
     paths = {name: scratch / f"{name}.exr" for name in names}
     for name, source in zip(names, frame):
-        subprocess.run([tile, source, paths[name], *map(str, size)], check=True)
+        subprocess.run([edit, "mirror", source, paths[name], *map(str, size)], check=True)
     return paths
 
 

@@ -1,6 +1,6 @@
 """Memory and time against pixels, both logarithmic, as a plain SVG of two panels."""
 
-from benchlib.plot import COLOURS, Axis, text
+from benchlib.plot import COLOURS, Axis, grid, text
 
 WIDTH, HEIGHT = 1080, 480
 PANEL, LEFT, GAP, TOP, BOTTOM = 420, 70, 110, 60, 60
@@ -31,15 +31,7 @@ def panel(left, name, value, results):
     right, bottom = left + PANEL, HEIGHT - BOTTOM
     x = Axis([megapixels(result) for result in results], left, right)
     y = Axis([value(result) for result in results], bottom, TOP)
-    out = [f'<rect x="{left}" y="{TOP}" width="{PANEL}" height="{bottom - TOP}" fill="none" stroke="#888"/>']
-    for tick in x.ticks():
-        at = x.at(tick)
-        out.append(f'<line x1="{at:.1f}" y1="{TOP}" x2="{at:.1f}" y2="{bottom}" stroke="#e5e5e5"/>')
-        out.append(text(at, bottom + 18, f"{tick:g}", "middle"))
-    for tick in y.ticks():
-        at = y.at(tick)
-        out.append(f'<line x1="{left}" y1="{at:.1f}" x2="{right}" y2="{at:.1f}" stroke="#e5e5e5"/>')
-        out.append(text(left - 8, at + 4, f"{tick:g}", "end"))
+    out = grid(x, y, left, TOP, right, bottom)
     out.append(text((left + right) / 2, HEIGHT - 20, "megapixels (log)", "middle"))
     out.append(text(left, TOP - 30, name, size=15))
     for index, program in enumerate(dict.fromkeys(result["program"] for result in results)):
