@@ -1,0 +1,138 @@
+"""The command: which frames are lacking, who renders them, and progress."""
+
+import argparse
+import importlib
+import multiprocessing
+import os
+import signal
+import sys
+import time
+import zlib
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from .catalogue import SCENES
+
+DESCRIPTION = """\
+Renders the scenes of tests/scenes (geometry and textures are code; nothing is downloaded) with Mitsuba 3 and Blender
+Cycles, denoises them with OIDN and leaves frames with references:
+
+    tests/scenes/render OUT
+    tests/bench --frames OUT
+
+Files that are there are kept, so an interrupted run goes on where it was. What it needs: tests/scenes/README.md."""
+
+# Samples of one pass: between passes progress is printed, and Mitsuba's memory is bounded (Cycles prepares every pass anew).
+PASS_SPP = {"mitsuba": 16, "cycles": 128}
+
+
+def main(arguments=None):
+    parser = command_line()
+    options = parser.parse_args(arguments)
+    if options.list:
+        for scene in SCENES.values():
+            say(f"{scene.name:14} {scene.renderer:8} {scene.hard}")
+        return 0
+    if not options.output:
+        parser.error("say the folder OUT")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        for name in options.scene or SCENES:
+            render_scene(SCENES[name], options)
+    except KeyboardInterrupt:
+        say("interrupted: finished files are kept")
+        return 130
+    return 0
+
+
+def render_scene(scene, options):
+    """Renders what is lacking of one scene, in a process of its own: renderers do not share one well."""
+    from . import frame
+
+    folder = options.output / scene.name
+    lacking = [spp for spp in options.spp if not frame.has_frame(folder, spp)]
+    reference_spp = scene.reference_spp if options.reference_spp is None else options.reference_spp
+    reference = reference_spp > 0 and not (folder / "ref.exr").is_file()
+    if not lacking and not reference:
+        return say(f"{scene.name}: nothing lacking")
+    context = multiprocessing.get_context("spawn")
+    start = (scene.renderer, scene.name, options.size, scene.depth, options.threads)
+    with ProcessPoolExecutor(1, mp_context=context, initializer=prepare, initargs=start) as worker:
+        for spp in lacking:
+            halves = [render_half(worker, scene, f"{spp} spp {half}", spp // 2, spp, half) for half in "ab"]
+            frame.write_frame(folder, spp, *halves)
+            say(f"{scene.name}: {spp} spp written")
+        if reference:
+            spp = reference_spp // 2
+            halves = [render_half(worker, scene, f"reference {half}", spp, "reference", half) for half in "ab"]
+            frame.write_reference(folder, *(half["color"] for half in halves))
+            say(f"{scene.name}: reference written")
+
+
+def render_half(worker, scene, label, spp, *key):
+    """Buffers of one half, (height, width, channels) by role, from passes with seeds of their own."""
+    begin, total, done = time.perf_counter(), {}, 0
+    while done < spp:
+        samples = min(PASS_SPP[scene.renderer], spp - done)
+        buffers = worker.submit(render_pass, samples, seed_of(scene.name, *key, done)).result()
+        for role, planes in buffers.items():
+            total[role] = total.get(role, 0.0) + samples * planes
+        done += samples
+        seconds = time.perf_counter() - begin
+        say(f"{scene.name}: {label}, {done} of {spp} samples, {seconds:.0f} s, {seconds / done * (spp - done):.0f} s left")
+    return {role: planes / spp for role, planes in total.items()}
+
+
+def seed_of(*key):
+    """A seed for these words, the same in every run; never that of another half, pass or sample count but by rare chance."""
+    return zlib.crc32(repr(key).encode()) & 0x7FFFFFFF
+
+
+# The renderer of a worker process, and the scene it holds.
+_renderer = None
+
+
+def prepare(renderer, scene, size, depth, threads):
+    """Starts a worker process: imports its renderer and builds the scene."""
+    global _renderer
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Blender tells standard output about every pass and file; errors go to the other one.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    module = importlib.import_module(f"scenes.{renderer}_renderer")
+    _renderer = module.Renderer(scene, size, depth, threads)
+
+
+def render_pass(spp, seed):
+    return _renderer.render(spp, seed)
+
+
+def command_line():
+    parser = argparse.ArgumentParser(
+        prog="tests/scenes/render", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("output", type=Path, nargs="?", metavar="OUT", help="folder for the scenes' folders")
+    parser.add_argument("--scene", action="append", choices=list(SCENES), metavar="NAME", help="only this scene; repeatable (--list names them)")
+    parser.add_argument("--spp", type=even_numbers, default=[16, 64], metavar="16,64", help="samples of frames in total; each half has half (default 16,64)")
+    parser.add_argument("--size", type=size, default=(480, 270), metavar="WxH", help="pixels (default 480x270)")
+    parser.add_argument("--reference-spp", type=int, metavar="N", help="samples of the reference, 0: none (default: the scene's own, 512 or 1024)")
+    parser.add_argument("--threads", type=int, metavar="N", help="threads of the renderers (default: one a core)")
+    parser.add_argument("--list", action="store_true", help="name the scenes and end")
+    return parser
+
+
+def even_numbers(value):
+    numbers = [int(part) for part in value.split(",")]
+    if any(number < 2 or number % 2 for number in numbers):
+        raise argparse.ArgumentTypeError(f"{value}: samples must be even, to be halved")
+    return numbers
+
+
+def size(value):
+    width, mark, height = value.partition("x")
+    if not mark or int(width) < 1 or int(height) < 1:
+        raise argparse.ArgumentTypeError(f"{value} is not WIDTHxHEIGHT")
+    return int(width), int(height)
+
+
+def say(words):
+    print(words, file=sys.stdout, flush=True)
