@@ -3,23 +3,24 @@
 import numpy as np
 import torch
 
-from sspc_reference import activations, features, gc
+from sspc_reference import activations, features, gc, window
 
 from .case import Case, Inputs, double, stack
 
 
 def magnitude(image, parameters, radius):
     """What mu_hat is the sum of, without signs: its ratio to |mu_hat| is the sum's condition number."""
-    padded = gc.mirror_pad(image, radius)
+    parameters = parameters.detach()
+    padded = gc.mirror_pad(image, radius)[:, window.ORDER]
+    bandwidths, centre = parameters[:, window.DISTANCES], parameters[:, activations.TAU : activations.TAU + 1]
+    beta = {name: parameters[:, activations.SLOPES[f"beta_{name}"]].abs() for name in ("denoised", "albedo", "normal")}
     total, weights = 0, 0
-    for dy in range(-radius, radius + 1):
-        for dx in range(-radius, radius + 1):
-            sums = gc.offset_sums(image, padded, parameters, radius, dy, dx).abs()
-            weight, radiance, denoised, albedo, normal = sums.split([1, 3, 3, 3, 3], dim=1)
-            weights = weights + weight
-            total = total + radiance
-            for name, part in (("denoised", denoised), ("albedo", albedo), ("normal", normal)):
-                total = total + parameters[:, activations.SLOPES[f"beta_{name}"]].abs() * part
+    for _, u, _, weight in window.offsets(padded, bandwidths, centre, radius):
+        size = weight * u.abs()
+        weights = weights + size[:, window.LAST]
+        total = total + size[:, window.RADIANCE]
+        for name, part in (("denoised", window.DENOISED), ("albedo", window.ALBEDO), ("normal", window.NORMAL)):
+            total = total + beta[name] * size[:, part]
     total = total / weights
     if parameters.shape[1] == activations.GATED_OUTPUTS:
         total = total + image[:, features.CHANNELS["denoised"]].abs()
