@@ -43,16 +43,41 @@ VARIANTS = [
     ),
     # The preset's own size is among these, whichever it is: its row must equal the first one.
     *of("window", *((f"{side} x {side}", f"window={side}") for side in (7, 11, 15, 19, 25))),
-    *of("hidden channels", *((f"{n}", f"hidden={n}") for n in (4, 8, 16))),
-    *of("convolutions", *((f"{n}", f"layers={n}") for n in (3, 5, 7, 9))),
+    # The kernels end at 16 channels.
+    *of("hidden channels", *((f"{n}", f"hidden={n}") for n in (4, 8, 12, 16))),
+    *of("convolutions", *((f"{n}", f"layers={n}") for n in (2, 3, 5, 9))),
 ]
-# Skips pay only where there is something to skip; each of these is a pair on one frame, without and with.
-HALF_EMPTY, FEATURELESS = "half-empty", "featureless"
-SKIPS = [
-    Variant(HALF_EMPTY, "still blocks computed", ("--set", "skip=features")),
-    Variant(HALF_EMPTY, "still blocks skipped", ()),
-    Variant(FEATURELESS, "absent features computed", (*(w for r in WITHOUT["no feature at all"] for w in ("--role", f"{r}=none")), "--set", "skip=blocks")),
-    Variant(FEATURELESS, "absent features skipped", tuple(w for r in WITHOUT["no feature at all"] for w in ("--role", f"{r}=none"))),
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One skip, off and on."""
+
+    name: str
+    off: Variant
+    on: Variant
+    # Of frames whose right half is made background; else of the frames as they are.
+    half_empty: bool = False
+
+
+def named_variant(group, name):
+    return next(v for v in VARIANTS if (v.group, v.name) == (group, name))
+
+
+FEATURELESS = named_variant("features", "no feature at all")
+PAIRS = [
+    Pair("nothing against everything that is skipped, frames as they are", Variant("skip", "nothing skipped", ("--set", "skip=none")), VARIANTS[0]),
+    Pair(
+        "still blocks, right half background",
+        Variant("half-empty", "still blocks computed", ("--set", "skip=features")),
+        Variant("half-empty", "still blocks skipped", ()),
+        half_empty=True,
+    ),
+    Pair(
+        "absent features, no feature at all",
+        Variant("skip", "absent features computed", (*FEATURELESS.arguments, "--set", "skip=blocks")),
+        FEATURELESS,
+    ),
 ]
 
 
@@ -64,18 +89,21 @@ def chosen(frames):
     return list(first.values())
 
 
-def jobs(frames, half_empty, whole, preset, seeds, steps=None):
-    """Every variant on `frames`, the skips on the frame `half_empty` and the featureless `whole` (None: not run)."""
+def jobs(frames, half_empty, preset, seeds, steps=None):
+    """Every variant and every pair of skips on `frames`, frame by frame; `half_empty`: frames made of them, by their names."""
     limit = ("--steps", str(steps)) if steps else ()
 
     def of_frame(frame, variants):
         methods = [Method(title(v), (preset,), (*v.arguments, *limit)) for v in variants]
         return [Job(frame, method, preset, seed, 0) for seed in seeds for method in methods]
 
-    todo = [job for frame in frames for job in of_frame(frame, VARIANTS)]
-    for frame, group in ((half_empty, HALF_EMPTY), (whole, FEATURELESS)):
-        if frame:
-            todo += of_frame(frame, [v for v in SKIPS if v.group == group])
+    whole = [*VARIANTS, *(pair.off for pair in PAIRS if not pair.half_empty)]
+    blank = [v for pair in PAIRS if pair.half_empty for v in (pair.off, pair.on)]
+    todo = []
+    for frame in frames:
+        todo += of_frame(frame, whole)
+        if frame.name in half_empty:
+            todo += of_frame(half_empty[frame.name], blank)
     return todo
 
 
@@ -84,11 +112,12 @@ def title(variant):
 
 
 class Ablations:
-    """Figures of all variants. `about` as a benchmark's record has it."""
+    """Figures of all variants. `about` as a benchmark's record has it; `half_empty` as in `jobs`."""
 
-    def __init__(self, about, frames, preset, results):
+    def __init__(self, about, frames, half_empty, preset, results):
         self.about, self.preset, self.results = about, preset, results
         self.cells = figures.cells(results)
+        self.asked, self.half_empty = frames, half_empty
         # Means are over the frames that every variant has: an interrupted run leaves the last one half done.
         self.frames = [f for f in frames if all(self.measured(f.name, v) for v in VARIANTS)]
 
@@ -99,27 +128,31 @@ class Ablations:
     def cell(self, frame, variant):
         return self.cells.get((frame, column(title(variant), self.preset)))
 
-    def mean(self, variant, value):
-        """Geometric mean of value(cell) over the frames."""
-        return figures.geometric_mean(value(self.cell(f.name, variant)) for f in self.frames)
+    def mean(self, names, variant, value):
+        """Geometric mean of value(cell) over the frames of these names."""
+        return figures.geometric_mean(value(self.cell(name, variant)) for name in names)
+
+    def against(self, names, variant, base, value):
+        """value of a variant over that of `base`: geometric mean, and (largest, its frame)."""
+        ratios = [(value(self.cell(name, variant)) / value(self.cell(name, base)), name) for name in names]
+        return figures.geometric_mean(ratio for ratio, _ in ratios), max(ratios)
 
     def table(self, table):
-        """relL2 over the denoiser's and processor seconds of every variant, and both against the preset as it is."""
+        """relL2 over the denoiser's, and relL2 and processor seconds over those of the preset as it is, of every variant."""
         if not self.frames:
             return "No frame was measured with every variant."
-        base = VARIANTS[0]
-        own = [self.mean(base, lambda c: c.ratio), self.mean(base, lambda c: c.cpu_seconds)]
+        names, base = [f.name for f in self.frames], VARIANTS[0]
         body = []
         for v in VARIANTS:
-            now = [self.mean(v, lambda c: c.ratio), self.mean(v, lambda c: c.cpu_seconds)]
-            known = [(self.cell(f.name, v).ratio, f.name) for f in self.frames]
-            worst = max(known)
-            against = ["-" if not then else f"{100 * (value / then - 1):+.1f} %" for value, then in zip(now, own)]
-            body.append([v.group, v.name, f"{now[0]:.3f}", against[0], f"{worst[0]:.3f} {worst[1]}", f"{now[1]:.1f}", against[1]])
-        return table(["", "variant", "relL2 ÷ denoiser's", "against as it is", "worst frame", "cpu s", "against as it is"], body)
+            error, worst = self.against(names, v, base, relative_error)
+            seconds, _ = self.against(names, v, base, cpu_seconds)
+            own = self.mean(names, v, relative_error), self.mean(names, v, cpu_seconds)
+            body.append([v.group, v.name, f"{own[0]:.3f}", f"{error:.3f}", f"{worst[0]:.3f} {worst[1]}", f"{own[1]:.1f}", f"{seconds:.2f}"])
+        headings = ["", "variant", "relL2 ÷ denoiser's", "relL2 ÷ as it is", "its worst frame", "cpu s", "cpu s ÷ as it is"]
+        return table(headings, body)
 
     def frame_table(self, table):
-        names = list(dict.fromkeys(r["frame"] for r in figures.succeeded(self.results) if r["column"] == column(AS_IT_IS, self.preset)))
+        names = [f.name for f in self.asked if self.measured(f.name, VARIANTS[0])]
         body = []
         for v in VARIANTS:
             cells = [self.cell(name, v) for name in names]
@@ -128,29 +161,44 @@ class Ablations:
         return table(["variant", *names], body)
 
     def skip_table(self, table):
-        found = {r["column"]: r["frame"] for r in figures.succeeded(self.results)}
+        """Processor seconds and relL2 with each skip over those without, over the frames that have both."""
         body = []
-        for v in SKIPS:
-            frame = found.get(column(title(v), self.preset))
-            cell = frame and self.cell(frame, v)
-            if cell:
-                ratio = "-" if cell.ratio is None else f"{cell.ratio:.3f}"
-                body.append([frame, v.name, cell.steps, f"{cell.cpu_seconds:.1f}", f"{cell.seconds:.1f}", ratio])
-        return table(["frame", "variant", "steps", "cpu s", "wall s", "relL2 ÷ denoiser's"], body) if body else "Not measured."
+        for pair in PAIRS:
+            frames = [self.half_empty.get(f.name) if pair.half_empty else f for f in self.asked]
+            names = [f.name for f in frames if f and self.measured(f.name, pair.off) and self.measured(f.name, pair.on)]
+            if not names:
+                continue
+            seconds, slowest = self.against(names, pair.on, pair.off, cpu_seconds)
+            error, worst = self.against(names, pair.on, pair.off, relative_error)
+            own = [f"{self.mean(names, v, cpu_seconds):.1f}" for v in (pair.off, pair.on)]
+            body.append([pair.name, len(names), *own, f"{seconds:.2f}", f"{slowest[0]:.2f} {slowest[1]}", f"{error:.3f}", f"{worst[0]:.3f} {worst[1]}"])
+        headings = ["skip", "frames", "cpu s, off", "cpu s, on", "on ÷ off", "its worst frame", "relL2, on ÷ off", "its worst frame"]
+        return table(headings, body) if body else "Not measured."
 
     def markdown(self, head, table):
         names = ", ".join(f.name for f in self.frames)
         return "\n\n".join([
             f"# Ablations of `{self.preset}`, {self.about['date'][:10]}, commit {self.about['commit']['hash']}",
             *head,
-            f"One thing changed at a time. Figures are geometric means over {len(self.frames)} frames ({names}); cpu s are user and system seconds of "
-            "the whole process, all threads: they depend less on what else the machine does than the wall clock.",
+            f"One thing changed at a time. Figures are geometric means over {len(self.frames)} frames ({names}); the worst frame is the one that the "
+            "change harms most. cpu s are user and system seconds of the whole process, all threads: they depend less on what else the machine does "
+            "than the wall clock. The rows that repeat the preset's own size tell how far they scatter.",
             self.table(table),
             "## Every frame (relL2 ÷ the denoiser's)\n\n" + self.frame_table(table),
-            "## Skips, on and off\n\nThe right half of the half-empty frame is zeros in every buffer; the featureless one is told to have no albedo, "
-            "normal or visibility.\n\n" + self.skip_table(table),
+            "## Skips, off and on\n\nGeometric means over the frames. A right half of background is zeros in every buffer; a frame without features is "
+            "told to have no albedo, normal or visibility.\n\n" + self.skip_table(table),
         ]) + "\n"
 
     def json(self):
-        variants = [asdict(v) | {"column": column(title(v), self.preset)} for v in (*VARIANTS, *SKIPS)]
+        pairs = [v for pair in PAIRS for v in (pair.off, pair.on) if v not in VARIANTS]
+        variants = [asdict(v) | {"column": column(title(v), self.preset)} for v in (*VARIANTS, *pairs)]
         return json.dumps(self.about | {"preset": self.preset, "variants": variants, "results": self.results}, indent=1) + "\n"
+
+
+def relative_error(cell):
+    """relL2 over the denoiser's."""
+    return cell.ratio
+
+
+def cpu_seconds(cell):
+    return cell.cpu_seconds

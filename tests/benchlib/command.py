@@ -45,7 +45,7 @@ def compare(found, programs, options, arguments, scratch):
     """Methods and presets on every frame, and their record; the exit code."""
     problems = []
     if options.frames and options.large:
-        found = found + derive(derived.fourfold, found, programs, scratch, problems)
+        found = found + derive(derived.fourfold, derived.source(found), programs, scratch, problems)
     methods = jobs.methods(
         options.methods, options.presets, options.method, options.steps,
         options.paper_frames, options.torch_frames, options.torch_timeout,
@@ -62,12 +62,12 @@ def compare(found, programs, options, arguments, scratch):
 def ablate(found, programs, options, arguments, scratch):
     """One preset with one thing changed at a time, and the record; the exit code."""
     problems, chosen = [], ablations.chosen(found)
-    source = derived.source(found)
-    half_empty = derive(derived.half_empty, found, programs, scratch, problems)
-    todo = ablations.jobs(chosen, *(half_empty or [None]), source, options.ablations, options.seeds, options.steps)
+    made = [(frame.name, derive(derived.half_empty, frame, programs, scratch, problems)) for frame in chosen]
+    half_empty = {name: copy for name, copies in made for copy in copies}
+    todo = ablations.jobs(chosen, half_empty, options.ablations, options.seeds, options.steps)
     results, about = run_all(todo, found, programs, options, arguments, scratch, problems)
     record = Record(about, found, [], cleaned(results, options), lambda _: None)
-    done = ablations.Ablations(about, chosen, options.ablations, record.results)
+    done = ablations.Ablations(about, chosen, half_empty, options.ablations, record.results)
     stem = free_stem(options.output, f"{name_of(about)}-ablations")
     texts = {f"{stem}.md": done.markdown([part for part in (record.failures(), record.about_text()) if part], table), f"{stem}.json": done.json()}
     for path in write_all(options.output, texts):
@@ -75,13 +75,12 @@ def ablate(found, programs, options, arguments, scratch):
     return conclude(record, about["ended"])
 
 
-def derive(make, found, programs, scratch, problems):
-    """[the derived frame], or [] and a problem for the record."""
-    source = derived.source(found)
+def derive(make, source, programs, scratch, problems):
+    """[the frame made of `source`], or [] and a problem for the record, told once."""
     try:
         return [make(source, programs.edit, scratch / "frames")] if source else []
     except derived.NoTool as why:
-        problems.append(f"a frame is lacking: {why}")
+        problems += [problem for problem in (f"a frame is lacking: {why}",) if problem not in problems]
         return []
 
 

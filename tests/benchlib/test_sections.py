@@ -100,18 +100,42 @@ class Ablations(unittest.TestCase):
 
     def test_means_are_over_whole_rows(self):
         results = self.results(["a", "b"], ablations.VARIANTS) + self.results(["c"], ablations.VARIANTS[:3])
-        done = ablations.Ablations({}, [frame(n) for n in "abc"], "balanced", results)
+        done = ablations.Ablations({}, [frame(n) for n in "abc"], {}, "balanced", results)
         self.assertEqual([f.name for f in done.frames], ["a", "b"])
         lines = done.table(record.table).splitlines()
         self.assertEqual(len(lines), 2 + len(ablations.VARIANTS))
-        self.assertIn("| as it is | 0.500 | +0.0 % | 0.500 b | 2.0 | +0.0 % |", lines[2])
-        self.assertIn("| 0.510 | +2.0 % | 0.510 b | 3.0 | +50.0 % |", lines[3])
+        self.assertIn("| as it is | 0.500 | 1.000 | 1.000 b | 2.0 | 1.00 |", lines[2])
+        self.assertIn("| 0.510 | 1.020 | 1.020 b | 3.0 | 1.50 |", lines[3])
         self.assertEqual(len(done.frame_table(record.table).splitlines()), 2 + len(ablations.VARIANTS))
 
-    def test_every_variant_is_run_on_every_frame_and_each_pair_of_skips_on_its_own(self):
-        todo = ablations.jobs([frame("a"), frame("b")], frame("half"), frame("a"), "balanced", [1])
-        self.assertEqual(len(todo), 2 * len(ablations.VARIANTS) + len(ablations.SKIPS))
+    def test_the_worst_frame_is_the_one_that_a_change_harms_most(self):
+        results = self.results(["good", "bad"], ablations.VARIANTS)
+        good, bad = (next(r for r in results if r["frame"] == name and "f_c" in r["column"]) for name in ("good", "bad"))
+        good["rel_l2"]["corrected"] = 0.25 * good["rel_l2"]["denoised"]
+        bad["rel_l2"]["corrected"] = 1.0 * bad["rel_l2"]["denoised"]
+        done = ablations.Ablations({}, [frame("good"), frame("bad")], {}, "balanced", results)
+        # Half the error on one frame and twice on the other: nothing in the mean.
+        self.assertIn("| f_c (Deep Combiner) | 0.500 | 1.000 | 2.000 bad |", done.table(record.table))
+
+    def test_every_variant_and_every_pair_of_skips_is_run_once_on_every_frame(self):
+        half_empty = {"a": frame("a/half-empty")}
+        todo = ablations.jobs([frame("a"), frame("b")], half_empty, "balanced", [1])
+        off = sum(not pair.half_empty for pair in ablations.PAIRS)
+        self.assertEqual(len(todo), 2 * (len(ablations.VARIANTS) + off) + 2)
         self.assertEqual(len({(j.frame.name, j.column) for j in todo}), len(todo))
+
+    def test_skips_are_means_over_the_frames_that_have_both(self):
+        half_empty = {name: frame(f"{name}/half") for name in "ab"}
+        results = self.results(["a", "b"], ablations.VARIANTS)
+        (pair,) = (pair for pair in ablations.PAIRS if pair.half_empty)
+        results += self.results(["a/half", "b/half"], [pair.off, pair.on]) + self.results(["a/half"], [pair.off])
+        for r in results:
+            if r["frame"] == "b/half" and pair.on.name in r["column"]:
+                r["failure"] = "broken"
+        done = ablations.Ablations({}, [frame("a"), frame("b")], half_empty, "balanced", results)
+        lines = done.skip_table(record.table).splitlines()
+        self.assertEqual(len(lines), 3)
+        self.assertIn("| 1 | 2.0 | 3.0 | 1.50 | 1.50 a/half | 1.020 | 1.020 a/half |", lines[2])
 
     def test_of_a_shot_the_first_frame(self):
         found = [frame("s/1", shot="s"), frame("s/2", shot="s"), frame("still"), frame("still/x", variant="x")]
