@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from . import calibration, equal_time, figures, goals, plot, scatter
+from . import calibration, equal_time, figures, goals, plot, same_work, scatter
 from .jobs import SSPC
 
 
@@ -39,6 +39,7 @@ class Record:
             "geometric_means": means,
             "goals": verdicts,
             "equal_time": self.equal_times(),
+            "same_work": same_work.figures(self),
             "results": self.results,
         }
         return json.dumps(everything, indent=1) + "\n"
@@ -121,6 +122,7 @@ class Record:
             return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
 
         estimates = f"{stem}-estimates.svg"
+        same = same_work.text(self, table)
         parts = [
             f"# Benchmark of {self.about['date'][:10]}, commit {self.about['commit']['hash']}{self.dirty(' with changes')}",
             self.failures(),
@@ -131,6 +133,7 @@ class Record:
             "## relL2 ÷ the denoiser's\n\n" + self.ratio_table(),
             "## Seconds, file to file\n\n" + self.seconds_table(),
             "## Where the seconds go\n\n" + self.split_table(),
+            "## The same work in PyTorch\n\n" + same if same else "",
             "## Equal error, equal time\n\n" + self.equal_time_text(),
             "## Predicted and true error\n\n" + calibration.text(self.results, table, estimates if estimates in pictures else None),
         ]

@@ -6,7 +6,7 @@ import unittest
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from benchlib import ablations, calibration, command, derived, equal_time, jobs, plot, record, scatter
+from benchlib import ablations, calibration, command, derived, equal_time, jobs, plot, record, same_work, scatter
 from benchlib.test_bench import frame, result
 
 
@@ -140,6 +140,25 @@ class Ablations(unittest.TestCase):
     def test_of_a_shot_the_first_frame(self):
         found = [frame("s/1", shot="s"), frame("s/2", shot="s"), frame("still"), frame("still/x", variant="x")]
         self.assertEqual([f.name for f in ablations.chosen(found)], ["s/1", "still"])
+
+
+class SameWork(unittest.TestCase):
+    def record(self, *results):
+        columns = list(dict.fromkeys((r["column"], r["method"], r["preset"]) for r in results))
+        return record.Record({}, [frame("f"), frame("g")], columns, list(results), lambda _: None)
+
+    def test_others_are_held_against_pytorch_on_its_frames(self):
+        torch = result("f", jobs.TORCH, ratio=2.0, cpu_seconds=300.0)
+        ours = [result(name, jobs.PAPER, ratio=1.0, cpu_seconds=10.0) for name in "fg"]
+        found = same_work.figures(self.record(torch, *ours, result("f", "fast")))
+        self.assertEqual([(f["frame"], f["column"]) for f in found], [("f", jobs.TORCH), ("f", jobs.PAPER)])
+        self.assertAlmostEqual(found[1]["times_faster"], 30)
+        self.assertAlmostEqual(found[1]["ratio_to_torch"], 0.5)
+        self.assertIn("| 1.000 | 0.50 | 10.0 | 30.0 |", same_work.text(self.record(torch, *ours), record.table))
+
+    def test_without_pytorch_there_is_nothing_to_say(self):
+        failed = result("f", jobs.TORCH, failure="broken")
+        self.assertEqual(same_work.text(self.record(failed, result("f", jobs.PAPER)), record.table), "")
 
 
 class Methods(unittest.TestCase):
