@@ -5,7 +5,7 @@ use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
 use sspc_core::gc::{Region, Taps};
 use sspc_core::image::Image;
 use sspc_core::network::{Shape, start};
-use sspc_core::objective::{Mirror, Objective, Tile};
+use sspc_core::objective::{Mirror, Objective, Tile, Workspaces};
 use sspc_core::parameters::Form;
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Findings, Prepared};
@@ -103,22 +103,44 @@ fn composed_loss(batch: &TileBatch, outputs: Tensor<4>) -> Tensor<1> {
 }
 
 #[test]
-fn the_fused_loss_is_the_loss_composed_of_g_c() {
+fn the_fused_losses_are_the_loss_composed_of_g_c() {
     for form in [Form::Paper, Form::Gated] {
         let (batch, weights) = batch(form);
+        let workspaces = Arc::new(Workspaces::default());
+        let of_weights = |w| batch.loss_of_weights(w, f32::INFINITY, 0..0, &workspaces);
+        let of_outputs = |w| batch.loss(batch.outputs(w), f32::INFINITY);
+        let composed = |w| composed_loss(&batch, batch.outputs(w));
         for backend in BACKENDS {
             let device = backend.device().autodiff();
-            let results = [true, false].map(|fused| {
+            let losses: [&dyn Fn(Tensor<1>) -> Tensor<1>; 3] = [&of_weights, &of_outputs, &composed];
+            let results = losses.map(|loss| {
                 let w = leaf(&weights, &device);
-                let outputs = batch.outputs(w.clone());
-                let loss = if fused { batch.loss(outputs, f32::INFINITY) } else { composed_loss(&batch, outputs) };
+                let loss = loss(w.clone());
                 let value = to_vec(loss.clone().inner());
                 let gradient = w.grad(&loss.backward()).expect("the weights are tracked");
                 (value, to_vec(gradient))
             });
-            assert_close(&format!("{backend} {form:?} loss"), &results[0].0, &results[1].0, LOSS_TOLERANCE);
-            assert_close(&format!("{backend} {form:?} gradient"), &results[0].1, &results[1].1, LOSS_TOLERANCE);
+            assert_eq!(results[0], results[1], "{backend} {form:?}: a tile at a time, and a layer at a time");
+            assert_close(&format!("{backend} {form:?} loss"), &results[0].0, &results[2].0, LOSS_TOLERANCE);
+            assert_close(&format!("{backend} {form:?} gradient"), &results[0].1, &results[2].1, LOSS_TOLERANCE);
         }
+    }
+}
+
+/// A workspace that other tiles and networks have used leaves no trace.
+#[test]
+fn a_used_workspace_is_as_good_as_a_new_one() {
+    let used = Arc::new(Workspaces::default());
+    for (form, width) in [(Form::Gated, 18), (Form::Paper, 18), (Form::Gated, 11), (Form::Gated, 18)] {
+        let (mut batch, weights) = batch(form);
+        let tiles = batch.tiles.iter().map(|t| Tile { region: Region { width, ..t.region }, ..*t });
+        batch.tiles = Arc::new(tiles.collect());
+        let gradient = |workspaces: &Arc<Workspaces>| {
+            let w = leaf(&weights, &Backend::Flex.device().autodiff());
+            let loss = batch.loss_of_weights(w.clone(), 1.0, 0..0, workspaces);
+            to_vec(w.grad(&loss.backward()).expect("the weights are tracked"))
+        };
+        assert_eq!(gradient(&used), gradient(&Arc::default()), "{form:?} {width}");
     }
 }
 

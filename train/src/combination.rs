@@ -5,11 +5,9 @@
 //! numbers exactly. Their gradient is held at zero, so Adam never moves them, and nothing flows
 //! through them to the layers below.
 
-use crate::operation::{Operation, Pullback, differentiable};
-use burn::tensor::Tensor;
 use sspc_core::network::{KERNEL, Network};
 use sspc_core::parameters::{SLOPE_COUNT, SLOPES};
-use std::sync::Arc;
+use std::ops::Range;
 
 /// Slopes of z among the slopes.
 const DENOISED_SLOPES: usize = 3;
@@ -44,37 +42,12 @@ impl Combination {
         others.fill(0.0);
     }
 
-    /// Network outputs `[tiles, P, h, w]` as they are, but without a gradient where the function
-    /// holds a parameter.
-    pub fn hold(self, outputs: Tensor<4>) -> Tensor<4> {
+    /// Network outputs that the function holds: nothing flows back through them.
+    pub fn held(self) -> Range<usize> {
         match self {
-            Combination::PostCorrection => outputs,
-            Combination::DeepCombiner => {
-                let shape = outputs.dims();
-                differentiable(outputs, Arc::new(HoldSlopes { shape }))
-            }
+            Combination::PostCorrection => 0..0,
+            Combination::DeepCombiner => SLOPES..SLOPES + SLOPE_COUNT,
         }
-    }
-}
-
-/// The identity, with a gradient of zero for the slopes.
-struct HoldSlopes {
-    /// Tiles, parameters, height, width.
-    shape: [usize; 4],
-}
-
-impl Operation for HoldSlopes {
-    fn forward(&self, outputs: &[f32]) -> (Vec<f32>, Vec<usize>, Pullback) {
-        let [_, parameters, height, width] = self.shape;
-        let pixels = height * width;
-        let pullback = move |upstream: &[f32]| {
-            let mut gradient = upstream.to_vec();
-            for tile in gradient.chunks_exact_mut((parameters * pixels).max(1)) {
-                tile[SLOPES * pixels..(SLOPES + SLOPE_COUNT) * pixels].fill(0.0);
-            }
-            gradient
-        };
-        (outputs.to_vec(), self.shape.to_vec(), Arc::new(pullback))
     }
 }
 

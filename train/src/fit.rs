@@ -9,7 +9,7 @@ use burn::optim::{AdamConfig, GradientsParams};
 use sspc_core::features::RADIANCE;
 use sspc_core::gc::Taps;
 use sspc_core::network::{Network, start};
-use sspc_core::objective::Objective;
+use sspc_core::objective::{Objective, Workspaces};
 use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
 use sspc_core::simd::Isa;
@@ -150,6 +150,7 @@ pub fn fit(
     let shape = initial.shape;
     let mut model = Corrector::new(&initial, &device);
     let mut guard = Guard::new(&model);
+    let workspaces = Arc::new(Workspaces::default());
     let adam = AdamConfig::new().with_epsilon(1e-8);
     let mut optimiser = adam.init();
     let (mut history, mut end) = (Vec::new(), End::AllSteps);
@@ -161,9 +162,9 @@ pub fn fit(
             shape,
             isa,
         };
-        let outputs = settings.combination.hold(batch.outputs(model.weights()));
         let done = (step as f64 / steps as f64).max(limits.elapsed_share(start)).min(1.0);
-        let loss = batch.loss(outputs, settings.influence.at(done));
+        let influence = settings.influence.at(done);
+        let loss = batch.loss_of_weights(model.weights(), influence, settings.combination.held(), &workspaces);
         let value = f64::from(loss.clone().into_scalar::<f32>());
         let rate = guard.brake() * rate_at(settings, noise_rate, step, done);
         let gradients = GradientsParams::from_grads(loss.backward(), &model);

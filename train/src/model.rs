@@ -6,8 +6,9 @@ use burn::tensor::ops::ConvOptions;
 use burn::tensor::{Device, Tensor, TensorData, activation, module::conv2d};
 use sspc_core::features::FEATURE_CHANNELS;
 use sspc_core::network::{self, KERNEL, Network, Shape};
-use sspc_core::objective::{Objective, Tile};
+use sspc_core::objective::{Objective, Step, Tile, Workspaces};
 use sspc_core::simd::Isa;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The network's weights in the flat order of [`Network`], one parameter for the optimiser.
@@ -61,6 +62,19 @@ impl TileBatch {
         self.tiles.first().map_or((0, 0), |t| (t.region.height, t.region.width))
     }
 
+    /// The self-supervised loss of flat weights, `[1]`: network, g_c and loss of a tile in one go
+    /// ([`Step`]). It is `loss(outputs(weights))`, without a gradient through the `held` outputs.
+    pub fn loss_of_weights(
+        &self,
+        weights: Tensor<1>,
+        influence: f32,
+        held: Range<usize>,
+        workspaces: &Arc<Workspaces>,
+    ) -> Tensor<1> {
+        let (batch, workspaces) = (self.clone(), workspaces.clone());
+        differentiable(weights, Arc::new(StepOperation { batch, influence, held, workspaces }))
+    }
+
     /// Network outputs `[tiles, P, h, w]` of flat weights, through core's convolution kernels.
     pub fn outputs(&self, weights: Tensor<1>) -> Tensor<4> {
         differentiable(weights, Arc::new(NetworkOperation(self.clone())))
@@ -96,6 +110,28 @@ impl TileBatch {
     pub fn loss(&self, outputs: Tensor<4>, influence: f32) -> Tensor<1> {
         differentiable(outputs, Arc::new(LossOperation { batch: self.clone(), influence }))
     }
+}
+
+struct StepOperation {
+    batch: TileBatch,
+    influence: f32,
+    held: Range<usize>,
+    workspaces: Arc<Workspaces>,
+}
+
+impl Operation for StepOperation {
+    fn forward(&self, weights: &[f32]) -> (Vec<f32>, Vec<usize>, Pullback) {
+        let TileBatch { objective, tiles, shape, isa } = &self.batch;
+        let (influence, held) = (self.influence, self.held.clone());
+        let step = Step { objective, shape: *shape, isa: *isa, influence, held };
+        let (loss, gradient) = step.run(weights, tiles, &self.workspaces);
+        (vec![loss as f32], vec![1], scaled_by_upstream(gradient))
+    }
+}
+
+/// The pullback of an operation whose only output has this gradient.
+fn scaled_by_upstream(gradient: Vec<f32>) -> Pullback {
+    Arc::new(move |upstream: &[f32]| gradient.iter().map(|g| g * upstream[0]).collect())
 }
 
 struct NetworkOperation(TileBatch);
@@ -138,7 +174,6 @@ impl Operation for LossOperation {
         let pixels: usize = tiles.iter().map(|t| t.region.pixels()).sum();
         let scale = 1.0 / (3 * pixels.max(1)) as f32;
         let (loss, gradient) = objective.loss(*isa, tiles, outputs, scale, self.influence);
-        let pullback = move |upstream: &[f32]| gradient.iter().map(|g| g * upstream[0]).collect();
-        (vec![loss as f32], vec![1], Arc::new(pullback))
+        (vec![loss as f32], vec![1], scaled_by_upstream(gradient))
     }
 }

@@ -1,9 +1,9 @@
 //! The network of the corrector: 3x3 convolutions with ReLU and zero 'same' padding.
 //!
 //! Thirteen feature channels in, a handful of hidden layers of sixteen channels, one output channel
-//! per parameter of g_c ([`crate::parameters`]). [`forward`] and [`backward`] are the SIMD kernels
-//! that the trainer's Burn operation and the inference engine call; the naive f64 twin lives in
-//! [`oracle`].
+//! per parameter of g_c ([`crate::parameters`]). [`PackedNetwork`] takes a tile through the SIMD kernels
+//! and back, [`WindowNetwork`] streams the windows of a picture through them; the naive f64 twin lives
+//! in [`oracle`].
 
 mod conv;
 pub mod oracle;
@@ -13,7 +13,7 @@ pub mod start;
 mod trunk;
 mod window;
 
-pub use trunk::{Activations, backward, forward};
+pub use trunk::{Activations, GradientPlanes, PackedNetwork, TilePlanes, backward, forward, sum_in_order};
 pub use window::WindowNetwork;
 
 use crate::features::FEATURE_CHANNELS;

@@ -43,13 +43,6 @@ impl Planes {
         Self { geometry, channels, data: vec![0.0; channels * geometry.plane()] }
     }
 
-    /// Copies planar samples `[channels, height, width]` in.
-    pub fn from_planar(geometry: Geometry, channels: usize, samples: &[f32]) -> Self {
-        let mut planes = Self::zeros(geometry, channels);
-        planes.fill(samples);
-        planes
-    }
-
     /// Copies planar samples into the first planes.
     pub fn fill(&mut self, samples: &[f32]) {
         let Geometry { height, width, .. } = self.geometry;

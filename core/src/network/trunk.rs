@@ -1,4 +1,4 @@
-//! The whole network over a batch of tiles: forward with saved activations, and backward.
+//! The whole network over tiles: forward with saved activations, and backward.
 
 use super::conv::{Finish, Packed, convolve, weight_gradient};
 use super::planes::{Geometry, Planes};
@@ -7,23 +7,97 @@ use crate::features::FEATURE_CHANNELS;
 use crate::simd::Isa;
 use rayon::prelude::*;
 
-/// What the backward pass needs of a forward pass: each tile's input of every layer.
-pub struct Activations {
-    geometry: Geometry,
-    tiles: Vec<Vec<Planes>>,
+/// A network's weights in the order that the kernels read them.
+pub struct PackedNetwork {
+    isa: Isa,
+    shape: Shape,
+    forward: Vec<Packed>,
+    /// Turned and transposed, of every layer but the first.
+    transposed: Vec<Packed>,
 }
 
-fn packed_layers(isa: Isa, shape: &Shape, weights: &[f32]) -> Vec<Packed> {
-    (0..shape.layers)
-        .map(|l| {
-            let (kernel, bias) = layer(shape, weights, l);
+/// One tile on its way through a network: the input of every layer, and the output of the last.
+pub struct TilePlanes(Vec<Planes>);
+
+impl TilePlanes {
+    /// Planes for tiles of `height` x `width`.
+    pub fn new(shape: &Shape, height: usize, width: usize) -> Self {
+        let channels = |l| if l == 0 { FEATURE_CHANNELS } else { MAX_CHANNELS };
+        Self((0..=shape.layers).map(|l| Planes::zeros(Geometry::new(height, width), channels(l))).collect())
+    }
+
+    fn geometry(&self) -> Geometry {
+        self.0[0].geometry
+    }
+}
+
+/// What comes back through a tile: the gradient of a layer's output, and that of its input.
+pub struct GradientPlanes([Planes; 2]);
+
+impl GradientPlanes {
+    /// Planes for the tile.
+    pub fn of(tile: &TilePlanes) -> Self {
+        Self([0, 1].map(|_| Planes::zeros(tile.geometry(), MAX_CHANNELS)))
+    }
+}
+
+impl PackedNetwork {
+    /// Packs flat `weights`.
+    ///
+    /// # Panics
+    /// When there are more or fewer than `shape` demands.
+    pub fn new(isa: Isa, shape: Shape, weights: &[f32]) -> Self {
+        assert_eq!(weights.len(), shape.parameter_count(), "flat weights");
+        let forward = |l| {
+            let (kernel, bias) = layer(&shape, weights, l);
             Packed::forward(isa, shape.channels(l).0, kernel, bias)
-        })
-        .collect()
+        };
+        let transposed = |l| {
+            let (inputs, outputs) = shape.channels(l);
+            Packed::transposed(isa, inputs, outputs, layer(&shape, weights, l).0)
+        };
+        Self {
+            isa,
+            shape,
+            forward: (0..shape.layers).map(forward).collect(),
+            transposed: (1..shape.layers).map(transposed).collect(),
+        }
+    }
+
+    /// Network outputs before activation, `[outputs, h, w]`, of features `[13, h, w]`; `tile` keeps
+    /// what [`Self::backward`] needs.
+    pub fn forward(&self, tile: &mut TilePlanes, features: &[f32], outputs: &mut [f32]) {
+        tile.0[0].fill(features);
+        for (l, packed) in self.forward.iter().enumerate() {
+            let (before, after) = tile.0.split_at_mut(l + 1);
+            let finish = if l + 1 == self.shape.layers { Finish::Linear } else { Finish::Relu };
+            convolve(self.isa, &before[l], packed, finish, &mut after[0]);
+        }
+        tile.0[self.shape.layers].copy_to(outputs);
+    }
+
+    /// Adds the gradient of the flat weights to `gradient`, given that of [`Self::forward`]'s
+    /// outputs for this tile.
+    pub fn backward(&self, tile: &TilePlanes, back: &mut GradientPlanes, upstream: &[f32], gradient: &mut [f32]) {
+        let [current, next] = &mut back.0;
+        current.fill(upstream);
+        for l in (0..self.shape.layers).rev() {
+            let (inputs, outputs) = self.shape.channels(l);
+            let start = self.shape.layer_start(l);
+            let slot = &mut gradient[start..start + self.shape.layer_len(l)];
+            weight_gradient(self.isa, &tile.0[l], inputs, current, outputs, slot);
+            if l > 0 {
+                convolve(self.isa, current, &self.transposed[l - 1], Finish::MaskedBy(&tile.0[l]), next);
+                std::mem::swap(current, next);
+            }
+        }
+    }
 }
 
-fn finish_of(shape: &Shape, l: usize) -> Finish<'static> {
-    if l + 1 == shape.layers { Finish::Linear } else { Finish::Relu }
+/// What [`backward`] needs of a [`forward`] pass.
+pub struct Activations {
+    pixels: usize,
+    tiles: Vec<TilePlanes>,
 }
 
 /// Network outputs before activation, `[batch, outputs, height, width]`, of features
@@ -39,79 +113,45 @@ pub fn forward(
     height: usize,
     width: usize,
 ) -> (Vec<f32>, Activations) {
-    assert_eq!(weights.len(), shape.parameter_count(), "flat weights");
     let pixels = height * width;
     assert_eq!(features.len() % (FEATURE_CHANNELS * pixels), 0, "whole tiles of features");
-    let geometry = Geometry::new(height, width);
-    let packed = packed_layers(isa, shape, weights);
+    let network = PackedNetwork::new(isa, *shape, weights);
     let batch = features.len() / (FEATURE_CHANNELS * pixels);
     let mut outputs = vec![0.0; batch * shape.outputs * pixels];
     let tiles = outputs
         .par_chunks_mut(shape.outputs * pixels)
         .zip(features.par_chunks(FEATURE_CHANNELS * pixels))
-        .map(|(out, tile)| {
-            let mut inputs = vec![Planes::from_planar(geometry, FEATURE_CHANNELS, tile)];
-            for (l, packed) in packed.iter().enumerate() {
-                let mut next = Planes::zeros(geometry, MAX_CHANNELS);
-                convolve(isa, &inputs[l], packed, finish_of(shape, l), &mut next);
-                inputs.push(next);
-            }
-            if let Some(last) = inputs.pop() {
-                last.copy_to(out);
-            }
-            inputs
+        .map(|(outputs, features)| {
+            let mut tile = TilePlanes::new(shape, height, width);
+            network.forward(&mut tile, features, outputs);
+            tile
         })
         .collect();
-    (outputs, Activations { geometry, tiles })
+    (outputs, Activations { pixels, tiles })
 }
 
 /// Gradient of the flat weights, given the gradient of [`forward`]'s outputs. Tiles are summed in
 /// their order, whatever the number of threads.
 pub fn backward(isa: Isa, shape: &Shape, weights: &[f32], saved: &Activations, upstream: &[f32]) -> Vec<f32> {
-    let pixels = saved.geometry.height * saved.geometry.width;
-    assert_eq!(upstream.len(), saved.tiles.len() * shape.outputs * pixels, "upstream gradient");
-    let transposed: Vec<Packed> = (1..shape.layers)
-        .map(|l| {
-            let (inputs, outputs) = shape.channels(l);
-            Packed::transposed(isa, inputs, outputs, layer(shape, weights, l).0)
+    let values = shape.outputs * saved.pixels;
+    assert_eq!(upstream.len(), saved.tiles.len() * values, "upstream gradient");
+    let network = PackedNetwork::new(isa, *shape, weights);
+    let tiles = saved.tiles.par_iter().zip(upstream.par_chunks(values));
+    let per_tile: Vec<Vec<f32>> = tiles
+        .map(|(tile, upstream)| {
+            let mut gradient = vec![0.0; shape.parameter_count()];
+            network.backward(tile, &mut GradientPlanes::of(tile), upstream, &mut gradient);
+            gradient
         })
         .collect();
-    let per_tile: Vec<Vec<f32>> = saved
-        .tiles
-        .par_iter()
-        .zip(upstream.par_chunks(shape.outputs * pixels))
-        .map(|(inputs, upstream)| tile_gradient(isa, shape, saved.geometry, &transposed, inputs, upstream))
-        .collect();
-    let mut total = vec![0.0; shape.parameter_count()];
-    for gradient in &per_tile {
-        for (t, g) in total.iter_mut().zip(gradient) {
-            *t += g;
-        }
-    }
-    total
+    sum_in_order(&per_tile)
 }
 
-fn tile_gradient(
-    isa: Isa,
-    shape: &Shape,
-    geometry: Geometry,
-    transposed: &[Packed],
-    inputs: &[Planes],
-    upstream: &[f32],
-) -> Vec<f32> {
-    let mut gradient = vec![0.0; shape.parameter_count()];
-    let mut current = Planes::zeros(geometry, MAX_CHANNELS);
-    current.fill(upstream);
-    let mut next = Planes::zeros(geometry, MAX_CHANNELS);
-    for l in (0..shape.layers).rev() {
-        let (inputs_of_layer, outputs) = shape.channels(l);
-        let start = shape.layer_start(l);
-        let slot = &mut gradient[start..start + shape.layer_len(l)];
-        weight_gradient(isa, &inputs[l], inputs_of_layer, &current, outputs, slot);
-        if l > 0 {
-            convolve(isa, &current, &transposed[l - 1], Finish::MaskedBy(&inputs[l]), &mut next);
-            std::mem::swap(&mut current, &mut next);
-        }
+/// Element by element, the first vector first.
+pub fn sum_in_order(vectors: &[Vec<f32>]) -> Vec<f32> {
+    let mut total = vectors.first().map_or(Vec::new(), |first| vec![0.0; first.len()]);
+    for vector in vectors {
+        total.iter_mut().zip(vector).for_each(|(t, v)| *t += v);
     }
-    gradient
+    total
 }

@@ -1,19 +1,13 @@
-//! The self-supervised loss (Eqs. 8, 9) of tiles of a frame, and its gradient by the network's
-//! outputs in one pass.
-//!
-//! Half a is corrected and compared with the y of half b, and the other way round; the denominator
-//! is made of the z of the half compared with, so it is independent of what is judged.
+//! The loss of tiles by the network's outputs, and its gradient.
 
-use crate::features::{DENOISED, FEATURE_CHANNELS, FeatureSet, RADIANCE, Windows};
+use super::{RELATIVE_FLOOR, Tile, relative_weight, shared_weight, triple};
+use crate::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE, Windows};
 use crate::gc::{self, ParameterPlanes, Region, Taps, Upstream};
 use crate::image::Image;
 use crate::parameters::{Form, activate, activate_backward};
 use crate::prepare::Prepared;
 use crate::simd::{Isa, MAX_LANES, Simd};
 use rayon::prelude::*;
-
-/// Added to the squared mean radiance in every relative error.
-pub const RELATIVE_FLOOR: f32 = 0.01;
 
 /// One half, and what its correction is judged by.
 #[derive(Clone, Debug)]
@@ -33,88 +27,6 @@ pub struct Objective {
     pub form: Form,
     pub taps: Taps,
     pub halves: [HalfObjective; 2],
-}
-
-/// A tile to correct: which half, where, and how the network sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tile {
-    pub half: usize,
-    pub region: Region,
-    pub mirror: Mirror,
-}
-
-impl Tile {
-    /// The tile as it lies in the picture.
-    pub fn upright(half: usize, region: Region) -> Self {
-        Self { half, region, mirror: Mirror::default() }
-    }
-}
-
-/// Mirror images of a tile. The network's features and outputs are mirrored, g_c and the loss are
-/// not: Ω_c is symmetric, so the best parameters of a pixel stay the same, and a network that sees
-/// four times as many tiles learns less of their noise by heart.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Mirror {
-    /// The last row first.
-    pub rows: bool,
-    /// The last column first.
-    pub columns: bool,
-}
-
-impl Mirror {
-    /// Mirrors planes of `height` x `width` in place; twice is as before.
-    pub fn apply(self, planes: &mut [f32], height: usize, width: usize) {
-        for plane in planes.chunks_exact_mut((height * width).max(1)) {
-            match self {
-                // Both are one turn by 180 degrees.
-                Mirror { rows: true, columns: true } => plane.reverse(),
-                Mirror { rows: true, columns: false } => {
-                    let (upper, lower) = plane.split_at_mut(height.div_ceil(2) * width);
-                    let pairs = upper.chunks_exact_mut(width).zip(lower.chunks_exact_mut(width).rev());
-                    pairs.for_each(|(a, b)| a.swap_with_slice(b));
-                }
-                Mirror { rows: false, columns: true } => plane.chunks_exact_mut(width).for_each(<[f32]>::reverse),
-                Mirror { rows: false, columns: false } => return,
-            }
-        }
-    }
-}
-
-/// 1 / (z̄² + floor) of features `[13, H, W]`, 0 where a pixel is missing.
-pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> Image {
-    Image::from_rows(1, features.height(), features.width(), |_, y, row| {
-        let z: [&[f32]; 3] = std::array::from_fn(|k| features.row(DENOISED + k, y));
-        let valid = valid.map(|v| v.row(0, y));
-        for (x, weight) in row.iter_mut().enumerate() {
-            let mean = (z[0][x] + z[1][x] + z[2][x]) / 3.0;
-            *weight = if valid.is_some_and(|v| v[x] == 0.0) { 0.0 } else { 1.0 / (mean * mean + floor) };
-        }
-    })
-}
-
-/// 1 / (z̄² + 0.01) with z the mean of both halves' z, 0 where a pixel is missing.
-///
-/// Noise of y^b that the denoiser let through makes z^b bright where y^b is bright. A weight of z^b
-/// alone counts such pixels less than those whose noise is dark, and what is fitted to y^b under it
-/// comes out too dark; half of z^a halves that. (A weight of z^a alone would be exact, and is noisier.)
-pub fn shared_weight(prepared: &Prepared) -> Image {
-    let means = triple(&Image::mean_of(&prepared.halves[0], &prepared.halves[1]), DENOISED);
-    Image::from_rows(1, prepared.height(), prepared.width(), |_, y, row| {
-        let z = [means.row(0, y), means.row(1, y), means.row(2, y)];
-        for (x, weight) in row.iter_mut().enumerate() {
-            if prepared.is_valid(y * prepared.width() + x) {
-                let mean = (z[0][x] + z[1][x] + z[2][x]) / 3.0;
-                *weight = 1.0 / (mean * mean + RELATIVE_FLOOR);
-            }
-        }
-    })
-}
-
-/// The three planes from `first` on.
-pub fn triple(features: &Image, first: usize) -> Image {
-    Image::from_rows(3, features.height(), features.width(), |k, y, row| {
-        row.copy_from_slice(features.row(first + k, y));
-    })
 }
 
 impl Objective {
@@ -142,15 +54,19 @@ impl Objective {
     /// Features of equally large tiles, mirrored as each tile says, `[tiles, 13, h, w]`.
     pub fn tile_features(&self, tiles: &[Tile]) -> Vec<f32> {
         let mut out = Vec::with_capacity(tiles.iter().map(|t| FEATURE_CHANNELS * t.region.pixels()).sum());
-        for Tile { half, region, mirror } in tiles {
-            let (windows, first) = (&self.halves[*half].windows, out.len());
-            for (c, y) in (0..FEATURE_CHANNELS).flat_map(|c| (0..region.height).map(move |y| (c, y))) {
-                let from = c * windows.plane() + windows.offset(region.top + y, region.left);
-                out.extend_from_slice(&windows.data()[from..from + region.width]);
-            }
-            mirror.apply(&mut out[first..], region.height, region.width);
-        }
+        tiles.iter().for_each(|tile| self.append_features(tile, &mut out));
         out
+    }
+
+    /// Appends one tile's features.
+    pub(super) fn append_features(&self, tile: &Tile, out: &mut Vec<f32>) {
+        let Tile { half, region, mirror } = tile;
+        let (windows, first) = (&self.halves[*half].windows, out.len());
+        for (c, y) in (0..FEATURE_CHANNELS).flat_map(|c| (0..region.height).map(move |y| (c, y))) {
+            let from = c * windows.plane() + windows.offset(region.top + y, region.left);
+            out.extend_from_slice(&windows.data()[from..from + region.width]);
+        }
+        mirror.apply(&mut out[first..], region.height, region.width);
     }
 
     /// Corrected radiance of equally large tiles, `[tiles, 3, h, w]`, as they lie in the picture, of
@@ -182,7 +98,8 @@ impl Objective {
             .zip(upstream.par_chunks(3 * pixels))
             .zip(tiles)
             .for_each(|(((gradient, outputs), upstream), tile)| {
-                self.tile_backward(isa, tile, outputs, &mut Given { upstream, region: tile.region }, gradient);
+                let mut given = Given { upstream, region: tile.region };
+                self.tile_backward(isa, tile, outputs, &mut given, gradient, &mut Scratch::default());
             });
         gradient
     }
@@ -202,10 +119,8 @@ impl Objective {
             .zip(outputs.par_chunks(self.form.parameters() * pixels))
             .zip(tiles)
             .map(|((gradient, outputs), tile)| {
-                let half = &self.halves[tile.half];
-                let mut judge = SelfSupervised { half, region: tile.region, scale, influence, sum: 0.0 };
-                self.tile_backward(isa, tile, outputs, &mut judge, gradient);
-                judge.sum * f64::from(scale)
+                let scratch = &mut Scratch::default();
+                self.tile_loss(isa, tile, outputs, (scale, influence), gradient, scratch)
             })
             .collect();
         (losses.iter().sum(), gradient)
@@ -221,10 +136,32 @@ impl Objective {
 
     /// Parameters of a tile as it lies in the picture.
     fn activated(&self, isa: Isa, tile: &Tile, outputs: &[f32]) -> Vec<f32> {
-        let mut parameters = outputs.to_vec();
-        tile.mirror.apply(&mut parameters, tile.region.height, tile.region.width);
-        activate(isa, self.form, &mut parameters);
+        let mut parameters = Vec::new();
+        self.activate(isa, tile, outputs, &mut parameters);
         parameters
+    }
+
+    fn activate(&self, isa: Isa, tile: &Tile, outputs: &[f32], parameters: &mut Vec<f32>) {
+        parameters.clear();
+        parameters.extend_from_slice(outputs);
+        tile.mirror.apply(parameters, tile.region.height, tile.region.width);
+        activate(isa, self.form, parameters);
+    }
+
+    /// [`Self::loss`] of one tile, given its `scale` and limit of influence.
+    pub(super) fn tile_loss(
+        &self,
+        isa: Isa,
+        tile: &Tile,
+        outputs: &[f32],
+        (scale, influence): (f32, f32),
+        gradient: &mut [f32],
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let half = &self.halves[tile.half];
+        let mut judge = SelfSupervised { half, region: tile.region, scale, influence, sum: 0.0 };
+        self.tile_backward(isa, tile, outputs, &mut judge, gradient, scratch);
+        judge.sum * f64::from(scale)
     }
 
     fn tile_backward<U: Upstream>(
@@ -234,15 +171,24 @@ impl Objective {
         outputs: &[f32],
         upstream: &mut U,
         gradient: &mut [f32],
+        scratch: &mut Scratch,
     ) {
-        let parameters = self.activated(isa, tile, outputs);
-        let view = ParameterPlanes::of_region(self.form, &parameters, &tile.region);
-        let mut corrected = vec![0.0; 3 * tile.region.pixels()];
+        let Scratch { parameters, corrected } = scratch;
+        self.activate(isa, tile, outputs, parameters);
+        corrected.resize(3 * tile.region.pixels(), 0.0);
+        let view = ParameterPlanes::of_region(self.form, parameters, &tile.region);
         let windows = &self.halves[tile.half].windows;
-        gc::backward(isa, windows, &self.taps, tile.region, view, upstream, &mut corrected, gradient);
+        gc::backward(isa, windows, &self.taps, tile.region, view, upstream, corrected, gradient);
         tile.mirror.apply(gradient, tile.region.height, tile.region.width);
         activate_backward(isa, self.form, outputs, gradient);
     }
+}
+
+/// What a tile's backward pass writes on the way: activated parameters and corrected radiance.
+#[derive(Default)]
+pub(super) struct Scratch {
+    parameters: Vec<f32>,
+    corrected: Vec<f32>,
 }
 
 /// An upstream gradient that is known beforehand, `[3, h, w]`.
@@ -299,7 +245,9 @@ impl Upstream for SelfSupervised<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::features::DENOISED;
     use crate::frame::{Frame, HalfBuffer};
+    use crate::objective::Mirror;
     use crate::prepare::Exposure;
     use crate::rng::Rng;
 
