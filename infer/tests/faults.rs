@@ -292,9 +292,9 @@ fn links_are_not_followed_out_of_the_folder() {
 
 const FRAMES: usize = 200;
 const BAD_FRAME: usize = 100;
-/// Memory of the first frames is that of all: what the allocator keeps of 180 more frames, whose files and pictures
-/// take 60 MiB together.
-const MOST_GROWTH_BYTES: u64 = 6 << 20;
+/// Memory of the first frames is that of all, but for what the allocator keeps (8 MiB on a busy machine): 180 more frames, whose files and pictures
+/// take 60 MiB together, would show.
+const MOST_GROWTH_BYTES: u64 = 20 << 20;
 
 /// A long shot: every frame that can be corrected is, the bad one is named, and memory stays what it was.
 #[test]

@@ -21,5 +21,6 @@ pub mod output;
 pub mod preset;
 pub mod progress;
 pub mod report;
+pub mod start;
 pub mod tiles;
 pub mod write;
