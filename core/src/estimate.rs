@@ -200,6 +200,7 @@ mod tests {
         let squared = denoised.data().iter().map(|v| f64::from(v - truth).powi(2)).sum::<f64>();
         let expected = squared / denoised.data().len() as f64 / f64::from(truth * truth + RELATIVE_FLOOR);
         let plan = Plan::everything(height, width);
+        let halves = halves.map(std::sync::Arc::new);
         let (set, found) = (FeatureSet::NONE, Findings::default());
         let prepared = Prepared { exposure: 1.0, halves, denoised, valid: None, set, plan, found };
         let found = estimate(&prepared, &z, 0..height).mean();

@@ -14,12 +14,22 @@ pub fn fill_missing(picture: &mut Image, frame: &Frame) {
 /// Gives non-finite pixels the value of the first image of the frame that is finite there; without
 /// one they stay.
 pub fn fill_from_sources(picture: &mut Image, frame: &Frame) {
+    put(picture, &values_from_sources(picture, frame));
+}
+
+/// What [`fill_from_sources`] would put where, by the pixel's index.
+pub fn values_from_sources(picture: &Image, frame: &Frame) -> Vec<(usize, [f32; 3])> {
     let sources = [&frame.a.denoised, &frame.b.denoised, &frame.a.radiance, &frame.b.radiance];
-    for i in (0..picture.pixels()).filter(|&i| !finite(picture, i)).collect::<Vec<_>>() {
-        if let Some(source) = sources.iter().find(|source| finite(source, i)) {
-            set(picture, i, std::array::from_fn(|k| source.plane(k)[i].max(0.0)));
-        }
-    }
+    let value = |i: usize| {
+        let source = sources.iter().find(|source| finite(source, i))?;
+        Some((i, std::array::from_fn(|k| source.plane(k)[i].max(0.0))))
+    };
+    (0..picture.pixels()).filter(|&i| !finite(picture, i)).filter_map(value).collect()
+}
+
+/// Puts values where they belong.
+pub fn put(picture: &mut Image, values: &[(usize, [f32; 3])]) {
+    values.iter().for_each(|(i, value)| set(picture, *i, *value));
 }
 
 /// Gives pixels that are still not finite the mean of the nearest filled ring of neighbours; a
@@ -35,7 +45,7 @@ pub fn grow_shut(picture: &mut Image) {
             due.iter().for_each(|&i| set(picture, i, [0.0; 3]));
             return;
         }
-        filled.iter().for_each(|(i, value)| set(picture, *i, *value));
+        put(picture, &filled);
         due = filled.iter().flat_map(|f| around(f.0, height, width)).filter(|&i| !finite(picture, i)).collect();
         due.sort_unstable();
         due.dedup();

@@ -1,11 +1,5 @@
 //! From parameters to the finished picture: both halves corrected, judged against each other, and
-//! the correction added to the denoiser's picture where it helps.
-//!
-//! **Judging.** With d = μ̂^a - z^a and r = y^b - z^a, E\[r·d\] is the part of the true error that the
-//! correction takes away (y^b is unbiased and independent of d), so s = Σ r·d / Σ d², summed with the
-//! loss's weights over a neighbourhood and both halves, is the best share of the correction there.
-//! Noise of y^b makes the first sum uncertain; the correction is cut back only as far as its sum
-//! says by more than one standard error, since the network was already trained not to overdo it.
+//! the correction added to the denoiser's picture where it helps ([`crate::judge`]).
 //!
 //! **Full buffer.** The correction that is applied is that of g_c with each half's parameters and
 //! y, but z and features of the full buffer: parameters and y^a never saw y^b, so the reasoning that
@@ -13,24 +7,24 @@
 
 use crate::corrector::correct;
 use crate::estimate::{self, Blocks, Estimate, Losses};
-use crate::features::{DENOISED, RADIANCE, Windows};
+use crate::features::{DENOISED, Windows};
 use crate::frame::Frame;
 use crate::gc::Taps;
 use crate::image::Image;
-use crate::objective::{shared_weight, triple};
+use crate::judge::{Evidence, JUDGE_RADIUS};
+use crate::objective::triple;
 use crate::parameters::Form;
-use crate::plan::Plan;
-use crate::prepare::{Buffer, Prepared};
+use crate::plan::{BLOCK_ROWS, Plan};
+use crate::prepare::{Buffer, Prepared, baseline};
 use crate::simd::Isa;
-use crate::smooth::box_mean;
+use std::borrow::Cow;
 use std::ops::Range;
 
-/// Radius of the neighbourhood that judges a pixel; two box means of this radius.
-const JUDGE_RADIUS: usize = 15;
-/// Standard errors by which a share must be below 1 before it counts.
-const JUDGE_DOUBT: f64 = 1.0;
-/// Pixels that two box means of radius R weigh together: their kernel's 1 / Σk².
-const JUDGE_SAMPLES: f64 = 2.25 * ((2 * JUDGE_RADIUS + 1) * (2 * JUDGE_RADIUS + 1)) as f64;
+/// Rows that are corrected, and rows that are judged, at a time: what is held for them beside the
+/// picture does not grow with it. A multiple of the network's windows, of blocks and of
+/// [`estimate::BLOCK`]: no block is cut, and sums are the same.
+const ROWS_AT_ONCE: usize = 128;
+const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(estimate::BLOCK) && ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
 
 /// A finished picture and what the frame itself says of it.
 #[derive(Clone, Debug)]
@@ -58,6 +52,13 @@ pub enum Composition {
     MeanOfHalves,
     /// The correction of the full buffer's z, as far as the halves' judgement of each other goes.
     JudgedFullBuffer,
+}
+
+impl Composition {
+    /// Whether blocks without noise are left as the denoiser made them: not by the paper.
+    pub fn skips_still_blocks(self) -> bool {
+        self == Composition::JudgedFullBuffer
+    }
 }
 
 /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window and
@@ -162,8 +163,26 @@ pub fn finish(
     parameters: [&Image; 2],
 ) -> Finished {
     let rows = 0..prepared.height();
-    let Part { mut correction, mut share, mut halves, tally } =
-        finish_rows(isa, form, taps, composition, prepared, parameters, rows);
+    finished(finish_rows(isa, form, taps, composition, prepared, parameters, rows), composition, prepared)
+}
+
+/// The same, bit for bit, with parameters that are computed when they are needed and forgotten again:
+/// `parameters(h, rows)` gives some rows of half `h`'s, `[P, rows, W]`.
+pub fn finish_by(
+    isa: Isa,
+    form: Form,
+    taps: &Taps,
+    composition: Composition,
+    prepared: &Prepared,
+    parameters: impl Fn(usize, Range<usize>) -> Image,
+) -> Finished {
+    let work = Work { isa, form, taps, composition, prepared, step: ROWS_AT_ONCE };
+    let part = work.finish(&|h, rows| Cow::Owned(parameters(h, rows)), 0..prepared.height());
+    finished(part, composition, prepared)
+}
+
+fn finished(part: Part, composition: Composition, prepared: &Prepared) -> Finished {
+    let Part { mut correction, mut share, mut halves, tally } = part;
     let Verdict { loss, estimate, fallback, .. } = tally.verdict(composition);
     if fallback.is_some() {
         correction.data_mut().fill(0.0);
@@ -185,24 +204,98 @@ pub fn finish_rows(
     parameters: [&Image; 2],
     rows: Range<usize>,
 ) -> Part {
-    let corrected = |h: usize, buffer: Buffer, plan: &Plan| {
-        let (height, width) = (prepared.height(), prepared.width());
+    let work = Work { isa, form, taps, composition, prepared, step: prepared.height() };
+    // All rows are asked for at once.
+    work.finish(&|h, _| Cow::Borrowed(parameters[h]), rows)
+}
+
+/// How a picture is finished.
+struct Work<'a> {
+    isa: Isa,
+    form: Form,
+    taps: &'a Taps,
+    composition: Composition,
+    prepared: &'a Prepared,
+    /// Rows that g_c takes at a time.
+    step: usize,
+}
+
+/// A picture's corrections before they are judged, `[3, H, W]` each; z where nothing was computed.
+struct Corrections {
+    halves: [Image; 2],
+    /// What the picture is made of.
+    picture: Image,
+}
+
+impl<'a> Work<'a> {
+    fn finish(&self, parameters: &dyn Fn(usize, Range<usize>) -> Cow<'a, Image>, rows: Range<usize>) -> Part {
+        let Corrections { mut halves, mut picture } = self.correct(parameters, &rows);
+        let share = match self.composition {
+            Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
+            Composition::JudgedFullBuffer => Evidence::of(self.prepared, &halves).share(),
+        };
+        let mut tally = Tally::default();
+        // The results take the place of what they are made of.
+        for top in rows.clone().step_by(ROWS_AT_ONCE) {
+            let band = top..(top + ROWS_AT_ONCE).min(rows.end);
+            let cut = |image: &Image| image.crop(top, 0, band.len(), image.width());
+            let [a, b] = &halves;
+            let part = settle(&self.prepared.rows(band.clone()), &[cut(a), cut(b)], cut(&picture), cut(&share));
+            picture.put_rows(top, &part.correction);
+            halves[0].put_rows(top, &part.halves);
+            tally.append(part.tally);
+        }
+        let [halves, _] = halves;
+        let only = |image: Image| match rows.len() == image.height() {
+            true => image,
+            false => image.crop(rows.start, 0, rows.len(), image.width()),
+        };
+        Part { correction: only(picture), share: only(share), halves: only(halves), tally }
+    }
+
+    /// Corrects what `rows` depend on.
+    fn correct(&self, parameters: &dyn Fn(usize, Range<usize>) -> Cow<'a, Image>, rows: &Range<usize>) -> Corrections {
+        let Self { prepared, composition, .. } = *self;
+        let height = prepared.height();
+        let judged = prepared.plan.within_rows(judged_rows(composition, rows, height));
+        let finished = prepared.plan.within_rows(rows.clone());
+        let mut halves = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
+        let mut full = (composition == Composition::JudgedFullBuffer).then(|| prepared.denoised.clone());
+        for top in (0..height).step_by(self.step) {
+            let band = top..(top + self.step).min(height);
+            let (judged, finished) = (judged.of_rows(band.clone()), finished.of_rows(band.clone()));
+            if judged.is_idle() {
+                continue;
+            }
+            let parameters = [0, 1].map(|h| parameters(h, band.clone()));
+            let corrected = |h: usize, buffer: Buffer, plan: &Plan| self.band(h, buffer, &parameters[h], plan, &band);
+            for (h, half) in halves.iter_mut().enumerate() {
+                half.put_rows(top, &corrected(h, Buffer::Half, &judged));
+            }
+            if let Some(full) = full.as_mut().filter(|_| !finished.is_idle()) {
+                let [a, b] = [0, 1].map(|h| corrected(h, Buffer::Full, &finished));
+                full.put_rows(top, &Image::mean_of(&a, &b));
+            }
+        }
+        let picture = full.unwrap_or_else(|| Image::mean_of(&halves[0], &halves[1]));
+        Corrections { halves, picture }
+    }
+
+    /// g_c of some rows of half `h`, `[3, rows, W]`.
+    fn band(&self, h: usize, buffer: Buffer, parameters: &Image, plan: &Plan, rows: &Range<usize>) -> Image {
+        let Self { isa, form, taps, prepared, .. } = *self;
+        let size = (prepared.height(), prepared.width());
         let fill = |c: usize, y: usize, row: &mut [f32]| prepared.feature_row(h, buffer, c, y, row);
-        let windows = Windows::from_rows(height, width, fill, prepared.valid.as_ref(), prepared.set, taps.radius());
-        correct(isa, form, &windows, taps, parameters[h], plan)
-    };
-    let finished = prepared.plan.within_rows(rows.clone());
-    let judged = prepared.plan.within_rows(judged_rows(composition, &rows, prepared.height()));
-    let halves: Vec<Image> = (0..2).map(|h| corrected(h, Buffer::Half, &judged)).collect();
-    let (mut correction, share) = match composition {
-        Composition::MeanOfHalves => {
-            (Image::mean_of(&halves[0], &halves[1]), Image::filled(1, prepared.height(), prepared.width(), 1.0))
-        }
-        Composition::JudgedFullBuffer => {
-            let full = [0, 1].map(|h| corrected(h, Buffer::Full, &finished));
-            (Image::mean_of(&full[0], &full[1]), Evidence::of(prepared, &halves).share())
-        }
-    };
+        let valid = prepared.valid.as_ref();
+        let windows = Windows::of_rows(size, rows.clone(), fill, valid, prepared.set, taps.radius());
+        correct(isa, form, &windows, taps, parameters, plan)
+    }
+}
+
+/// Judged corrections of some rows by themselves, and what they say of the picture; `picture` is what
+/// it is made of.
+fn settle(prepared: &Prepared, halves: &[Image; 2], picture: Image, share: Image) -> Part {
+    let mut correction = picture;
     correction.for_each_row(|c, y, row| {
         let (share, z) = (share.row(0, y), prepared.denoised.row(c, y));
         for (x, v) in row.iter_mut().enumerate() {
@@ -210,108 +303,39 @@ pub fn finish_rows(
             *v = kept * (*v - z[x]);
         }
     });
-    let blended: Vec<Image> = (0..2).map(|h| blend(prepared, &halves[h], &share, h)).collect();
-    let denoised: Vec<Image> = (0..2).map(|h| triple(&prepared.halves[h], DENOISED)).collect();
+    let rows = 0..prepared.height();
+    let blended = [0, 1].map(|h| blend(prepared, &halves[h], &share, h));
+    let denoised = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
     let tally = Tally {
         loss_denoised: estimate::loss(prepared, &denoised, rows.clone()),
         loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
-        loss_unjudged: estimate::loss(prepared, &halves, rows.clone()),
+        loss_unjudged: estimate::loss(prepared, halves, rows.clone()),
         gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
         error_denoised: estimate::estimate(prepared, &denoised, rows.clone()),
-        error_corrected: estimate::estimate(prepared, &blended, rows.clone()),
+        error_corrected: estimate::estimate(prepared, &blended, rows),
     };
-    let crop = |image: &Image| image.crop(rows.start, 0, rows.len(), image.width());
-    let halves = crop(&Image::mean_of(&blended[0], &blended[1]));
-    Part { correction: crop(&correction), share: crop(&share), halves, tally }
+    Part { correction, share, halves: Image::mean_of(&blended[0], &blended[1]), tally }
 }
 
 /// The finished picture in the frame's own units: the denoiser's picture, bit for bit, wherever
 /// nothing is added; missing pixels are filled from what is valid.
 pub fn picture(frame: &Frame, prepared: &Prepared, finished: &Finished) -> Image {
-    picture_of(frame, prepared.exposure, prepared.valid.is_some(), &finished.correction)
-}
-
-/// The same from a correction `[3, H, W]` in units that are `exposure` times the frame's; `missing`
-/// says whether there are pixels to fill.
-pub fn picture_of(frame: &Frame, exposure: f32, missing: bool, correction: &Image) -> Image {
-    let mut out = unfilled_picture(frame, exposure, correction);
-    if missing {
+    let mut out = unfilled_picture(&baseline(frame), prepared.exposure, &finished.correction);
+    if prepared.valid.is_some() {
         crate::fill::fill_missing(&mut out, frame);
     }
     out
 }
 
-/// The same without filling missing pixels: what bands of a picture are put together of.
-pub fn unfilled_picture(frame: &Frame, exposure: f32, correction: &Image) -> Image {
-    let mean;
-    let base = match &frame.denoised {
-        Some(full) => full,
-        None => {
-            mean = Image::mean_of(&frame.a.denoised, &frame.b.denoised);
-            &mean
-        }
-    };
+/// A [`baseline`] with a correction `[3, H, W]` added that is in units of `exposure` times its own;
+/// missing pixels stay as they are.
+pub fn unfilled_picture(baseline: &Image, exposure: f32, correction: &Image) -> Image {
     let inverse = 1.0 / exposure;
-    Image::from_rows(3, base.height(), base.width(), |k, y, row| {
-        for ((x, z), c) in row.iter_mut().zip(base.row(k, y)).zip(correction.row(k, y)) {
+    Image::from_rows(3, baseline.height(), baseline.width(), |k, y, row| {
+        for ((x, z), c) in row.iter_mut().zip(baseline.row(k, y)).zip(correction.row(k, y)) {
             *x = if *c != 0.0 { (z.max(0.0) + c * inverse).max(0.0) } else { *z };
         }
     })
-}
-
-/// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
-struct Evidence {
-    /// Σ w r·d
-    agreement: Image,
-    /// Σ w d²
-    size: Image,
-}
-
-impl Evidence {
-    fn of(prepared: &Prepared, halves: &[Image]) -> Self {
-        let (height, width) = (prepared.height(), prepared.width());
-        let weight = shared_weight(prepared);
-        let sum = |of: fn(f32, f32) -> f32| {
-            Image::from_rows(1, height, width, |_, y, row| {
-                for (h, k) in (0..2).flat_map(|h| (0..3).map(move |k| (h, k))) {
-                    let (own, other) = (&prepared.halves[h], &prepared.halves[1 - h]);
-                    let (z, target, weight) = (own.row(DENOISED + k, y), other.row(RADIANCE + k, y), weight.row(0, y));
-                    let corrected = halves[h].row(k, y);
-                    for x in 0..width {
-                        let d = corrected[x] - z[x];
-                        row[x] += weight[x] * of(target[x] - z[x], d) * d;
-                    }
-                }
-            })
-        };
-        Self { agreement: sum(|r, _| r), size: sum(|_, d| d) }
-    }
-
-    /// min(1, (Σ w r·d + standard error) / Σ w d²), floored at 0.
-    fn share(&self) -> Image {
-        // Squares of more than this would overflow f32.
-        let squared = Image::from_rows(1, self.size.height(), self.size.width(), |_, y, row| {
-            row.iter_mut().zip(self.agreement.row(0, y)).for_each(|(s, v)| *s = v.clamp(-1e18, 1e18).powi(2));
-        });
-        let pool = |image: &Image| box_mean(&box_mean(image, JUDGE_RADIUS), JUDGE_RADIUS);
-        let (agreement, size, squared) = (pool(&self.agreement), pool(&self.size), pool(&squared));
-        // Share of a pixel's neighbourhood that lies inside the picture, along one side.
-        let inside = |i: usize, n: usize| {
-            ((i + JUDGE_RADIUS + 1).min(n) - i.saturating_sub(JUDGE_RADIUS)) as f64 / (2 * JUDGE_RADIUS + 1) as f64
-        };
-        let share = |y: usize, x: usize| {
-            let d = f64::from(size.at(0, y, x));
-            if d <= 0.0 {
-                return 0.0;
-            }
-            let samples = (JUDGE_SAMPLES * inside(y, size.height()) * inside(x, size.width())).max(1.0);
-            let error = (f64::from(squared.at(0, y, x)).max(0.0) / samples).sqrt();
-            ((f64::from(agreement.at(0, y, x)) + JUDGE_DOUBT * error) / d).clamp(0.0, 1.0) as f32
-        };
-        Image::from_rows(1, size.height(), size.width(), |_, y, row| {
-            row.iter_mut().enumerate().for_each(|(x, s)| *s = share(y, x));
-        })
-    }
 }
 
 /// z + share (μ̂ - z) of half `h`.

@@ -167,6 +167,18 @@ impl Image {
         Image { channels: self.channels, height, width, data }
     }
 
+    /// Puts the rows of an image of the same channels and width in the place of those from `top` on.
+    ///
+    /// # Panics
+    /// When they do not fit.
+    pub fn put_rows(&mut self, top: usize, rows: &Image) {
+        assert_eq!((rows.channels, rows.width), (self.channels, self.width), "channels and width of the rows");
+        let from = top * self.width;
+        for c in 0..self.channels {
+            self.plane_mut(c)[from..from + rows.pixels()].copy_from_slice(rows.plane(c));
+        }
+    }
+
     /// The mean of two images of one shape; of finite values it is finite.
     pub fn mean_of(a: &Image, b: &Image) -> Image {
         assert!(a.same_size(b) && a.channels == b.channels, "mean of images of one shape");

@@ -10,6 +10,7 @@ pub mod frame;
 pub mod gc;
 pub mod image;
 pub mod io;
+mod judge;
 pub mod metric;
 pub mod network;
 pub mod objective;

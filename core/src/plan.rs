@@ -65,6 +65,21 @@ impl Plan {
         plan
     }
 
+    /// The plan of some rows by themselves; the share stays that of the picture.
+    ///
+    /// # Panics
+    /// When the rows leave the picture, or begin inside a block.
+    pub fn of_rows(&self, rows: Range<usize>) -> Self {
+        assert!(rows.end <= self.height && rows.start.is_multiple_of(BLOCK_ROWS), "rows {rows:?} begin inside a block");
+        let blocks = rows.start / BLOCK_ROWS * self.columns()..rows.end.div_ceil(BLOCK_ROWS) * self.columns();
+        Self { height: rows.len(), active: self.active[blocks].to_vec(), ..*self }
+    }
+
+    /// Whether nothing is computed.
+    pub fn is_idle(&self) -> bool {
+        !self.active.contains(&true)
+    }
+
     fn columns(&self) -> usize {
         self.width.div_ceil(BLOCK_COLUMNS)
     }
@@ -120,6 +135,12 @@ mod tests {
             let pixels: usize = runs.iter().map(Region::pixels).sum();
             assert_eq!(pixels as f64 / (height * width) as f64, plan.active_share);
             assert!(pixels <= spots.len() * BLOCK_ROWS * BLOCK_COLUMNS);
+            let runs_of = |rows: Range<usize>| {
+                let runs = plan.of_rows(rows.clone()).runs();
+                runs.into_iter().map(move |run| Region { top: rows.start + run.top, ..run }).collect::<Vec<_>>()
+            };
+            let cut = BLOCK_ROWS.min(height / BLOCK_ROWS * BLOCK_ROWS);
+            assert_eq!([runs_of(0..cut), runs_of(cut..height)].concat(), runs, "the plan in two parts");
         }
     }
 

@@ -6,6 +6,9 @@ use crate::frame::{Frame, HalfBuffer};
 use crate::image::Image;
 use crate::plan::Plan;
 use crate::survey::validity;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
 
 pub use crate::survey::{Exposure, Findings, Survey};
 
@@ -14,8 +17,9 @@ pub use crate::survey::{Exposure, Findings, Survey};
 pub struct Prepared {
     /// Radiance in the file's units times this is radiance in the method's units.
     pub exposure: f32,
-    /// Features of half a and of half b, `[13, H, W]`; zero at missing pixels.
-    pub halves: [Image; 2],
+    /// Features of half a and of half b, `[13, H, W]`; zero at missing pixels. Shared with the
+    /// objective that is trained on.
+    pub halves: [Arc<Image>; 2],
     /// z of the full buffer, `[3, H, W]`, clamped at 0, zero at missing pixels.
     pub denoised: Image,
     /// 1 where a pixel counts, 0 where it is missing, `[1, H, W]`; None when none is missing.
@@ -45,24 +49,52 @@ impl Prepared {
 
     /// Brings a frame, or a band of it, into the units that were decided for the whole frame.
     pub fn by_survey(frame: &Frame, survey: Survey) -> Self {
-        let Survey { exposure: factor, set, found } = survey;
-        let valid = validity(frame, found.unusable);
-        let half = |h: &HalfBuffer| half_features(h, set, factor, &valid);
+        let valid = validity(frame, survey.found.unusable);
+        let half = |h: &HalfBuffer| half_features(h, survey, &valid);
         let halves = [half(&frame.a), half(&frame.b)];
-        let mean;
-        let full = match &frame.denoised {
-            Some(full) => full,
-            None => {
-                mean = Image::mean_of(&frame.a.denoised, &frame.b.denoised);
-                &mean
-            }
-        };
-        let denoised = Image::from_rows(3, frame.height(), frame.width(), |c, y, row| {
-            fill_colour(full.row(c, y), valid.row(0, y), factor, row);
-        });
+        let denoised = colour(&baseline(frame), survey.exposure, &valid);
+        Self::of_parts(halves, denoised, valid, survey)
+    }
+
+    /// The same of a whole frame that is given away, each half as soon as its features are there; and
+    /// the [`baseline`], which the correction will be added to.
+    pub fn of_owned(frame: Frame, survey: Survey) -> (Self, Image) {
+        let valid = validity(&frame, survey.found.unusable);
+        let baseline = baseline(&frame).into_owned();
+        let Frame { a, b, denoised, .. } = frame;
+        drop(denoised);
+        let features = |half: HalfBuffer| half_features(&half, survey, &valid);
+        let halves = [features(a), features(b)];
+        let denoised = colour(&baseline, survey.exposure, &valid);
+        (Self::of_parts(halves, denoised, valid, survey), baseline)
+    }
+
+    fn of_parts(halves: [Image; 2], denoised: Image, valid: Image, survey: Survey) -> Self {
+        let Survey { exposure, set, found, .. } = survey;
         let valid = valid.plane(0).contains(&0.0).then_some(valid);
         let plan = Plan::new(&halves, valid.as_ref());
-        Self { plan, exposure: factor, halves, denoised, valid, set, found }
+        Self { plan, exposure, halves: halves.map(Arc::new), denoised, valid, set, found }
+    }
+
+    /// With every pixel to be computed, unless the `whole` frame's halves are equal everywhere: there
+    /// is nothing to correct then. A picture that is not judged is computed so, as in the paper.
+    pub fn without_skips(mut self, whole: Survey) -> Self {
+        if whole.noisy {
+            self.plan = Plan::everything(self.height(), self.width());
+        }
+        self
+    }
+
+    /// Some rows by themselves, which begin at a multiple of [`crate::plan::BLOCK_ROWS`].
+    pub fn rows(&self, rows: Range<usize>) -> Self {
+        let cut = |image: &Image| image.crop(rows.start, 0, rows.len(), image.width());
+        Self {
+            halves: self.halves.each_ref().map(|half| Arc::new(cut(half))),
+            denoised: cut(&self.denoised),
+            valid: self.valid.as_ref().map(cut),
+            plan: self.plan.of_rows(rows.clone()),
+            ..*self
+        }
     }
 
     pub fn height(&self) -> usize {
@@ -93,7 +125,23 @@ impl Prepared {
     }
 }
 
-fn half_features(half: &HalfBuffer, set: FeatureSet, exposure: f32, valid: &Image) -> Image {
+/// The picture in the frame's units that a correction is compared with and added to: the full buffer's
+/// z, else the mean of both halves'.
+pub fn baseline(frame: &Frame) -> Cow<'_, Image> {
+    match &frame.denoised {
+        Some(full) => Cow::Borrowed(full),
+        None => Cow::Owned(Image::mean_of(&frame.a.denoised, &frame.b.denoised)),
+    }
+}
+
+/// A picture in the method's units.
+fn colour(picture: &Image, exposure: f32, valid: &Image) -> Image {
+    Image::from_rows(3, picture.height(), picture.width(), |c, y, row| {
+        fill_colour(picture.row(c, y), valid.row(0, y), exposure, row);
+    })
+}
+
+fn half_features(half: &HalfBuffer, Survey { exposure, set, .. }: Survey, valid: &Image) -> Image {
     let albedo = half.albedo.as_ref().filter(|_| set.albedo);
     let visibility = half.visibility.as_ref().filter(|_| set.visibility);
     let normal = half.normal.as_ref().filter(|_| set.normal);

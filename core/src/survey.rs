@@ -41,6 +41,8 @@ pub struct Survey {
     pub exposure: f32,
     /// Features that are there and not constant.
     pub set: FeatureSet,
+    /// Whether some pixel's radiance is not the same in both halves, so that there is anything to correct.
+    pub noisy: bool,
     pub found: Findings,
 }
 
@@ -157,6 +159,7 @@ struct Surveyor {
     means: Vec<f64>,
     /// Albedo, normal, visibility.
     features: [Variation; 3],
+    noisy: bool,
     found: Findings,
 }
 
@@ -172,7 +175,7 @@ impl Surveyor {
     fn new(pixels: usize, exposure: Exposure, unusable: FeatureSet) -> Self {
         let counted = if exposure == Exposure::Normalised { pixels } else { 0 };
         let found = Findings { unusable, ..Findings::default() };
-        Self { exposure, means: Vec::with_capacity(counted), features: Default::default(), found }
+        Self { exposure, means: Vec::with_capacity(counted), features: Default::default(), noisy: false, found }
     }
 
     /// Looks at the next band below.
@@ -186,6 +189,7 @@ impl Surveyor {
                 variation.look(a, b, &valid);
             }
         }
+        self.noisy = self.noisy || (0..band.height()).any(|y| noisy_row(band, valid.row(0, y), y));
         let rows = (0..band.height()).into_par_iter().with_min_len(ROWS_A_JOB);
         let counts = rows.map(|y| {
             let valid = valid.row(0, y);
@@ -206,8 +210,16 @@ impl Surveyor {
             Exposure::AsIs => 1.0,
             Exposure::Normalised => normalised_exposure(self.means),
         };
-        Survey { exposure, set, found: self.found }
+        Survey { exposure, set, noisy: self.noisy, found: self.found }
     }
+}
+
+/// Whether a valid pixel of row `y` has another radiance in the other half, negative values counting as 0.
+fn noisy_row(band: &Frame, valid: &[f32], y: usize) -> bool {
+    (0..3).any(|c| {
+        let pairs = band.a.radiance.row(c, y).iter().zip(band.b.radiance.row(c, y)).zip(valid);
+        pairs.into_iter().any(|((a, b), ok)| *ok != 0.0 && a.max(0.0) != b.max(0.0))
+    })
 }
 
 impl Variation {

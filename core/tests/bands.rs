@@ -1,6 +1,7 @@
 //! A picture finished in bands is the picture finished whole.
 
 use sspc_core::corrector::parameters;
+use sspc_core::estimate::BLOCK;
 use sspc_core::finish::{Composition, Tally, finish, finish_rows, margin};
 use sspc_core::frame::{Frame, HalfBuffer};
 use sspc_core::gc::Taps;
@@ -48,7 +49,7 @@ fn bands_give_the_same_picture_and_the_same_figures() {
         let expected = finish(isa, form, &taps, composition, &whole, [&a, &b]);
 
         let survey = Survey::of(&frame, Exposure::Normalised);
-        let around = margin(&taps, composition) + shape.radius();
+        let around = (margin(&taps, composition) + shape.radius()).next_multiple_of(BLOCK);
         let (mut tally, mut corrections) = (Tally::default(), Vec::new());
         for top in (0..height).step_by(48) {
             let bottom = (top + 48).min(height);

@@ -67,6 +67,27 @@ fn one_part_keeps_its_other_channels_windows_and_attributes() {
     assert_eq!(read_picture(&out, None).expect("picture"), corrected());
 }
 
+/// Fails when attributes come in the order of a hash map, which is another one in every map.
+#[test]
+fn the_same_picture_gives_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("folder");
+    let part = |name| Part { name, channels: HALF, half: true, ..Part::default() };
+    let one = write_parts(&folder.path().join("one.exr"), 1, &[part("")]);
+    let more = Part { name: "depth", channels: &["Z"], ..Part::default() };
+    let two = write_parts(&folder.path().join("two.exr"), 1, &[part("beauty"), more]);
+    let provenance: Vec<_> = (0..9).map(|i| (format!("sspc.attribute{i}"), format!("value {i}"))).collect();
+    for template in [one, two] {
+        let outputs = ["first", "second", "third"].map(|name| {
+            let path = folder.path().join(name).with_extension("exr");
+            write_corrected(&path, &template, &[], &corrected(), &provenance).expect("written");
+            let written = &load(&path).layer_data[0].attributes.other;
+            assert!(provenance.iter().all(|(name, _)| written.contains_key(&Text::from(name.as_str()))), "{written:?}");
+            std::fs::read(path).expect("written")
+        });
+        assert!(outputs[0] == outputs[1] && outputs[0] == outputs[2], "other bytes");
+    }
+}
+
 #[test]
 fn every_part_is_kept_and_the_shown_one_replaced() {
     let folder = tempfile::tempdir().expect("folder");

@@ -4,9 +4,13 @@
 mod common;
 
 use common::assert_close;
+use sspc_core::corrector::parameters;
+use sspc_core::finish::{Composition, finish, picture};
+use sspc_core::gc::Taps;
 use sspc_core::io::{FrameFiles, RoleOverrides, read_frame};
-use sspc_core::network::start;
+use sspc_core::network::{Network, start};
 use sspc_core::parameters::Form;
+use sspc_core::prepare::{Prepared, Survey};
 use sspc_core::rng::Rng;
 use sspc_core::simd::Isa;
 use sspc_infer::engine::{Engine, Kernels};
@@ -45,6 +49,38 @@ fn bands_do_not_show() {
         assert!((banded.estimate.corrected.value / whole.estimate.corrected.value - 1.0).abs() < 1e-4);
         assert_eq!(banded.survey, whole.survey);
     }
+}
+
+/// Fails when a paper model leaves out blocks that `fit --preset paper` computes, in bands with and without noise.
+#[test]
+fn an_unjudged_picture_is_computed_everywhere() {
+    let mut frame = sample();
+    let (width, still) = (frame.width(), 100);
+    for c in 0..3 {
+        let (a, b) = (frame.a.radiance.plane(c)[..still * width].to_vec(), &mut frame.b.radiance);
+        b.plane_mut(c)[..still * width].copy_from_slice(&a);
+    }
+    let (isa, form) = (Isa::best(), Form::Paper);
+    let contract = Contract::new(form);
+    assert_eq!(contract.composition, Composition::MeanOfHalves);
+    let (shape, exposure, taps) = (contract.shape, contract.exposure, Taps::square(contract.window_radius));
+    let network = Network { shape, weights: start::analytic(shape, 1.0, &mut Rng::new(1)).weights };
+    let model = Model::new(contract.clone(), network.weights.clone()).unwrap();
+    let engine = Engine::new(model, Kernels::Fused(isa), 50);
+    let found = correct(&engine, isa, &frame, Some(48), &mut Seconds::default(), &|| false).unwrap();
+    assert_eq!(found.active_share, 1.0);
+    let survey = Survey::of(&frame, exposure).with_features_of(contract.features);
+    let prepared = Prepared::by_survey(&frame, survey).without_skips(survey);
+    let planes = [0, 1].map(|h| parameters(isa, form, &network, &prepared.halves[h], &prepared.plan));
+    let whole = finish(isa, form, &taps, contract.composition, &prepared, [&planes[0], &planes[1]]);
+    assert_close(&found.picture, &picture(&frame, &prepared, &whole), TOLERANCE, "the paper's picture");
+    let skipped = Prepared::by_survey(&frame, survey);
+    assert!(skipped.plan.active_share < 0.6, "a frame of which half is still");
+
+    // Nothing at all to correct.
+    frame.b.radiance = frame.a.radiance.clone();
+    let found = correct(&engine, isa, &frame, Some(48), &mut Seconds::default(), &|| false).unwrap();
+    assert_eq!(found.active_share, 0.0);
 }
 
 #[test]

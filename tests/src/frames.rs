@@ -37,6 +37,25 @@ impl SmallFrame {
         }
     }
 
+    /// Writes albedo, normal and visibility for both halves, noisy too; they are arguments of `--role`.
+    ///
+    /// # Panics
+    /// When the folder cannot be written to.
+    pub fn write_features(&self, folder: &Path, width: usize, height: usize) -> Vec<String> {
+        let mut rng = Rng::new(8);
+        let mut file = |role: &str| {
+            let picture = Image::from_fn(3, height, width, |c, y, x| {
+                0.3 + 0.3 * ((x / 9 + y / 7 + c) % 2) as f32 + 0.1 * rng.uniform()
+            });
+            let path = folder.join(role).with_extension("exr");
+            write_picture(&path, &[], &picture, &[]).expect("the folder can be written to");
+            path
+        };
+        let roles = ["albedo-a", "albedo-b", "normal-a", "normal-b", "visibility-a", "visibility-b"];
+        let channels = |role: &str| if role.starts_with("visibility") { ":R" } else { "" };
+        roles.map(|role| format!("{role}={}{}", file(role).display(), channels(role))).to_vec()
+    }
+
     /// The frame as arguments of `sspc-train fit` and `sspc-infer run`.
     pub fn arguments(&self) -> [&Path; 6] {
         let name = Path::new;

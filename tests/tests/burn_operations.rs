@@ -42,6 +42,7 @@ fn prepared(height: usize, width: usize) -> Prepared {
     let halves = [half(rng), half(rng)];
     let denoised = Image::filled(3, height, width, 0.5);
     let plan = Plan::new(&halves, None);
+    let halves = halves.map(Arc::new);
     Prepared { plan, exposure: 1.0, halves, denoised, valid: None, set: FeatureSet::ALL, found: Findings::default() }
 }
 

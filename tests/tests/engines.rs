@@ -87,7 +87,7 @@ impl Case {
         let prepared = Prepared {
             plan: Plan::everything(self.height, self.width),
             exposure: 1.0,
-            halves,
+            halves: halves.map(Arc::new),
             denoised: Image::zeros(3, self.height, self.width),
             valid: None,
             set: FeatureSet::ALL,

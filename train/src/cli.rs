@@ -87,7 +87,7 @@ pub struct FitArgs {
     /// Burn backend.
     #[arg(long, value_enum, default_value_t = Backend::Flex)]
     pub backend: Backend,
-    /// Start from a fitted model instead of the preset's start.
+    /// Start from a fitted model instead of the preset's start. OUTDIR/model.onnx is refined in place.
     #[arg(long, value_name = "model.onnx")]
     pub init: Option<PathBuf>,
     /// Folder for corrected.exr, model.onnx, report.json and previews; made when absent.

@@ -65,6 +65,7 @@ mod tests {
     use sspc_core::prepare::{Findings, Prepared};
     use sspc_core::rng::Rng;
     use sspc_core::simd::Isa;
+    use std::sync::Arc;
 
     fn noise(rng: &mut Rng) -> Prepared {
         let (height, width) = (20, 23);
@@ -72,7 +73,7 @@ mod tests {
         Prepared {
             exposure: 1.0,
             denoised: Image::filled(3, height, width, 0.5),
-            halves,
+            halves: halves.map(Arc::new),
             valid: None,
             set: FeatureSet::ALL,
             plan: Plan::everything(height, width),

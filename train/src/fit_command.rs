@@ -9,18 +9,17 @@ use crate::interrupt::interrupted;
 use crate::output::OutputFolder;
 use crate::preset::Settings;
 use crate::progress::Progress;
-use crate::report::{RelL2, Report, Seconds, peak_rss_bytes, settings_json, skipped};
+use crate::report::{RelL2, Report, Seconds, peak_rss_bytes, settings_json};
 use crate::start::starting_network;
 use crate::write::{check_outputs, write_outputs};
-use sspc_core::corrector::parameters;
-use sspc_core::finish::{Composition, Finished, finish, picture};
-use sspc_core::frame::Frame;
+use sspc_core::estimate::{Estimate, Losses};
+use sspc_core::fill;
+use sspc_core::finish::{Finished, finish_by, unfilled_picture};
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
 use sspc_core::io::RoleOverrides;
-use sspc_core::network::Network;
-use sspc_core::plan::Plan;
-use sspc_core::prepare::{Prepared, Survey};
+use sspc_core::network::{Network, WindowNetwork};
+use sspc_core::prepare::Prepared;
 use sspc_core::simd::Isa;
 use std::time::{Duration, Instant};
 
@@ -38,12 +37,12 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
         None => starting_network(&settings),
     };
     let overrides = RoleOverrides::parse(&args.roles)?;
-    let inputs = match args.a {
-        Some(_) => read_shot(args, &overrides)?,
-        None => vec![read(frame_files(args)?, &overrides)?],
+    let frames = match args.a {
+        Some(_) => read_shot(args, &overrides, &settings)?,
+        None => vec![read(frame_files(args)?, &overrides, &settings)?],
     };
-    let prepared: Vec<Prepared> = inputs.iter().map(|input| prepare(input, &settings)).collect();
-    say_what_was_read(&progress, &inputs, &prepared);
+    let (inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
+    inputs.iter().for_each(|input| say_what_was_read(&progress, input));
     let read_seconds = start.elapsed().as_secs_f64();
     if args.dry_run {
         return Ok(());
@@ -66,7 +65,7 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
     let begin = Instant::now();
     let results: Vec<Outcome> = inputs
         .iter()
-        .zip(&prepared)
+        .zip(prepared)
         .map(|(input, prepared)| correct_frame(isa, &settings, &fitted.network, input, prepared))
         .collect();
     let seconds = Seconds {
@@ -77,79 +76,62 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
     };
     let reports = inputs
         .iter()
-        .zip(&prepared)
         .zip(&results)
-        .map(|((input, prepared), result)| report(args, &settings, input, prepared, &fitted, result, seconds))
+        .map(|(input, result)| report(args, &settings, input, &fitted, result, seconds))
         .collect();
     if interrupted() {
         return Err(Error::Interrupted);
     }
-    write_outputs(args, &settings, &inputs, &prepared, &fitted, &results, reports, folder, start)?;
+    write_outputs(args, &settings, &inputs, &fitted, &results, reports, folder, start)?;
     results.iter().zip(&inputs).for_each(|(result, input)| say_result(&progress, input, result));
     Ok(())
 }
 
-/// A frame in the method's units, with the features that the settings allow. The paper computes
-/// every pixel, but its rate leaves nothing to compute where no pixel has noise. Features kept
-/// without need stay zeros, so that the picture is the same.
-fn prepare(input: &Input, settings: &Settings) -> Prepared {
-    let survey = Survey::of(&input.frame, settings.exposure).with_features_of(settings.features);
-    let mut prepared = Prepared::by_survey(&input.frame, survey);
-    let whole = settings.composition == Composition::MeanOfHalves || !settings.skip.blocks;
-    if whole && prepared.plan.active_share > 0.0 {
-        prepared.plan = Plan::everything(prepared.height(), prepared.width());
-    }
-    if !settings.skip.features {
-        prepared.set = settings.features;
-    }
-    prepared
-}
-
-/// A corrected frame.
+/// A corrected frame and what it says of itself.
 pub struct Outcome {
     /// In the frame's units, `[3, H, W]`.
     pub corrected: Image,
-    pub finished: Finished,
+    pub loss: Losses,
+    pub estimate: Estimate,
+    /// Why the output is the denoiser's everywhere, if it is.
+    pub fallback: Option<String>,
+    /// Mean share of the correction that local judgement kept, 0..1.
+    pub mean_share: f64,
     pub rel_l2: Option<RelL2>,
 }
 
-fn correct_frame(isa: Isa, settings: &Settings, network: &Network, input: &Input, prepared: &Prepared) -> Outcome {
-    let taps = Taps::square(settings.radius);
-    let planes = [0, 1].map(|h| parameters(isa, settings.form, network, &prepared.halves[h], &prepared.plan));
-    let finished = finish(isa, settings.form, &taps, settings.composition, prepared, [&planes[0], &planes[1]]);
-    let corrected = picture(&input.frame, prepared, &finished);
-    let measure = |r| {
-        RelL2::measure(&noisy(&input.frame), &denoised(&input.frame), &corrected, r).with_halves(
-            &input.frame,
-            prepared,
-            &finished,
-            r,
-        )
-    };
-    let rel_l2 = input.reference.as_ref().map(measure);
-    Outcome { corrected, finished, rel_l2 }
-}
-
-/// Mean of both halves' radiance.
-pub fn noisy(frame: &Frame) -> Image {
-    Image::mean_of(&frame.a.radiance, &frame.b.radiance)
-}
-
-/// The picture that the correction is compared with: the full buffer's, else the mean of both.
-pub fn denoised(frame: &Frame) -> Image {
-    frame.denoised.clone().unwrap_or_else(|| Image::mean_of(&frame.a.denoised, &frame.b.denoised))
+/// Corrects a frame, whose features are gone before the picture is made.
+fn correct_frame(isa: Isa, settings: &Settings, network: &Network, input: &Input, prepared: Prepared) -> Outcome {
+    let (taps, network) = (Taps::square(settings.radius), WindowNetwork::new(isa, settings.form, network));
+    let parameters = |h: usize, rows| network.run_rows(&prepared.halves[h], &prepared.plan, rows);
+    let finished = finish_by(isa, settings.form, &taps, settings.composition, &prepared, parameters);
+    let (exposure, missing) = (prepared.exposure, prepared.valid.is_some());
+    drop(prepared);
+    let Finished { correction, share, mut halves, loss, estimate, fallback } = finished;
+    let share = share.into_data();
+    let mean_share = share.iter().map(|&v| f64::from(v)).sum::<f64>() / share.len().max(1) as f64;
+    drop(share);
+    let mut corrected = unfilled_picture(&input.denoised, exposure, &correction);
+    drop(correction);
+    if missing {
+        fill::put(&mut corrected, &input.fill);
+        fill::grow_shut(&mut corrected);
+    }
+    let rel_l2 = input.reference.as_ref().zip(input.rivals.as_ref()).map(|(reference, rivals)| {
+        halves.data_mut().iter_mut().for_each(|v| *v /= exposure);
+        RelL2::measure(&corrected, &halves, rivals, reference)
+    });
+    Outcome { corrected, loss, estimate, fallback, mean_share, rel_l2 }
 }
 
 fn report(
     args: &FitArgs,
     settings: &Settings,
     input: &Input,
-    prepared: &Prepared,
     fitted: &Fitted,
     result: &Outcome,
     seconds: Seconds,
 ) -> Report {
-    let share = result.finished.share.data();
     Report {
         version: env!("CARGO_PKG_VERSION").into(),
         preset: args.preset,
@@ -157,47 +139,45 @@ fn report(
         backend: args.backend.to_string(),
         instruction_set: Isa::best().name(),
         threads: rayon::current_num_threads(),
-        width: prepared.width(),
-        height: prepared.height(),
-        exposure: prepared.exposure,
+        width: input.denoised.width(),
+        height: input.denoised.height(),
+        exposure: input.survey.exposure,
         composition: settings.composition,
         steps: fitted.history.len(),
         steps_dropped: fitted.dropped,
         end: fitted.end,
         rel_l2: result.rel_l2.clone(),
-        loss: result.finished.loss,
-        estimate: result.finished.estimate,
-        fallback: result.finished.fallback.clone(),
-        mean_share: share.iter().map(|&v| f64::from(v)).sum::<f64>() / share.len().max(1) as f64,
+        loss: result.loss,
+        estimate: result.estimate,
+        fallback: result.fallback.clone(),
+        mean_share: result.mean_share,
         seconds,
         milliseconds_per_step: 1e3 * fitted.seconds / fitted.history.len().max(1) as f64,
         peak_rss_bytes: peak_rss_bytes(),
-        found: prepared.found,
-        roles: input.frame.sources.iter().map(Into::into).collect(),
-        skipped: skipped(prepared),
-        warnings: input.frame.warnings.clone(),
+        found: input.survey.found,
+        roles: input.sources.iter().map(Into::into).collect(),
+        skipped: input.skipped.clone(),
+        warnings: input.warnings.clone(),
         settings: settings_json(settings),
         history: fitted.history.clone(),
     }
 }
 
-fn say_what_was_read(progress: &Progress, inputs: &[Input], prepared: &[Prepared]) {
-    for (input, prepared) in inputs.iter().zip(prepared) {
-        progress.say(&format!("{}: {} x {} pixels", input.name, prepared.width(), prepared.height()));
-        for s in &input.frame.sources {
-            let channels = s.channels.join(",");
-            progress.say(&format!("  {} of {} from {} [{channels}]", s.role, s.buffer, s.path.display()));
-        }
-        input.frame.warnings.iter().for_each(|warning| progress.say(&format!("  note: {warning}")));
-        skipped(prepared).iter().for_each(|s| progress.say(&format!("  skipped: {} ({})", s.what, s.why)));
+fn say_what_was_read(progress: &Progress, input: &Input) {
+    progress.say(&format!("{}: {} x {} pixels", input.name, input.denoised.width(), input.denoised.height()));
+    for s in &input.sources {
+        let channels = s.channels.join(",");
+        progress.say(&format!("  {} of {} from {} [{channels}]", s.role, s.buffer, s.path.display()));
     }
+    input.warnings.iter().for_each(|warning| progress.say(&format!("  note: {warning}")));
+    input.skipped.iter().for_each(|s| progress.say(&format!("  skipped: {} ({})", s.what, s.why)));
 }
 
 fn say_result(progress: &Progress, input: &Input, result: &Outcome) {
-    if let Some(reason) = &result.finished.fallback {
+    if let Some(reason) = &result.fallback {
         progress.say(&format!("{}: the output is the denoiser's, {reason}", input.name));
     }
-    let estimate = &result.finished.estimate;
+    let estimate = &result.estimate;
     let error = estimate.corrected.standard_error.map_or("uncertainty unknown".into(), |e| format!("± {e:.5}"));
     progress.say(&format!(
         "estimated relL2 of the halves' mean: denoised {:.5}, corrected {:.5} {error}",

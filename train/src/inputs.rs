@@ -1,21 +1,45 @@
-//! From the command line to frames: files, roles, references.
+//! From the command line to frames: files, roles, references; and what is kept of a frame as read.
 
 use crate::cli::FitArgs;
 use crate::error::Error;
-use sspc_core::frame::{Frame, Reference};
+use crate::preset::Settings;
+use crate::report::{Rivals, Skipped, skipped};
+use sspc_core::features::FeatureSet;
+use sspc_core::fill::values_from_sources;
+use sspc_core::frame::{Frame, Reference, RoleSource};
+use sspc_core::image::Image;
+use sspc_core::io::preview::{Rgb8, auto_exposure, tone_map};
 use sspc_core::io::read::Like;
 use sspc_core::io::{FrameFiles, RoleOverrides, read_frame, read_reference};
+use sspc_core::prepare::{Prepared, Survey, baseline};
 use sspc_core::sequence::{Frames, Pattern};
 use std::path::PathBuf;
 
-/// One frame of the fit, as read.
+/// One frame of the fit: what is needed of it beside the features. The frame itself is gone once it is
+/// prepared, which halves the memory of a fit.
 pub struct Input {
     pub name: String,
     /// Number in a shot.
     pub frame_number: Option<u32>,
     pub files: FrameFiles,
-    pub frame: Frame,
+    /// Which channel filled which role, in the order read.
+    pub sources: Vec<RoleSource>,
+    pub warnings: Vec<String>,
+    pub survey: Survey,
+    /// Features in use.
+    pub features: FeatureSet,
+    pub skipped: Vec<Skipped>,
+    /// The picture that the correction is added to, in the frame's units, `[3, H, W]`.
+    pub denoised: Image,
+    /// Values of its missing pixels, by their index.
+    pub fill: Vec<(usize, [f32; 3])>,
+    /// Exposure of previews.
+    pub shown_exposure: f32,
+    /// The mean of both halves' radiance, to look at.
+    pub shown_noisy: Rgb8,
     pub reference: Option<Reference>,
+    /// What the corrected picture is measured beside, where there is a reference.
+    pub rivals: Option<Rivals>,
 }
 
 impl Input {
@@ -46,16 +70,63 @@ pub fn frame_files(args: &FitArgs) -> Result<FrameFiles, Error> {
         .with_reference(args.reference.clone()))
 }
 
-/// Reads one frame and its reference.
-pub fn read(files: FrameFiles, overrides: &RoleOverrides) -> Result<Input, Error> {
-    let frame = read_frame(&files, overrides)?;
+/// Reads one frame and its reference, and prepares it.
+pub fn read(files: FrameFiles, overrides: &RoleOverrides, settings: &Settings) -> Result<(Input, Prepared), Error> {
+    let mut frame = read_frame(&files, overrides)?;
     let like = Like { image: &frame.a.radiance, path: &files.a };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;
-    Ok(Input { frame_number: None, name: files.a.display().to_string(), files, frame, reference })
+    let survey = Survey::of(&frame, settings.exposure).with_features_of(settings.features);
+    let sources = std::mem::take(&mut frame.sources);
+    let warnings = std::mem::take(&mut frame.warnings);
+    let (fill, shown_exposure, shown_noisy, rivals) = {
+        let denoised = baseline(&frame);
+        let noisy = Image::mean_of(&frame.a.radiance, &frame.b.radiance);
+        let missing = survey.found.missing_pixels > 0;
+        let fill = if missing { values_from_sources(&denoised, &frame) } else { Vec::new() };
+        let exposure = auto_exposure(&denoised);
+        let halves = || Image::mean_of(&frame.a.denoised, &frame.b.denoised);
+        let rivals = reference.as_ref().map(|r| Rivals::measure(&noisy, &denoised, (!missing).then(halves), r));
+        (fill, exposure, tone_map(&noisy, exposure), rivals)
+    };
+    let (prepared, denoised) = prepare(frame, survey, settings);
+    let input = Input {
+        name: files.a.display().to_string(),
+        frame_number: None,
+        files,
+        sources,
+        warnings,
+        survey,
+        features: prepared.set,
+        skipped: skipped(&prepared),
+        denoised,
+        fill,
+        shown_exposure,
+        shown_noisy,
+        reference,
+        rivals,
+    };
+    Ok((input, prepared))
+}
+
+/// A frame in the method's units, with the features and the skips that the settings allow. Features
+/// kept without need stay zeros, so that the picture is the same.
+fn prepare(frame: Frame, survey: Survey, settings: &Settings) -> (Prepared, Image) {
+    let (mut prepared, denoised) = Prepared::of_owned(frame, survey);
+    if !settings.composition.skips_still_blocks() || !settings.skip.blocks {
+        prepared = prepared.without_skips(survey);
+    }
+    if !settings.skip.features {
+        prepared.set = settings.features;
+    }
+    (prepared, denoised)
 }
 
 /// Reads the frames of a shot that the arguments name, each with its files of the same number.
-pub fn read_shot(args: &FitArgs, overrides: &RoleOverrides) -> Result<Vec<Input>, Error> {
+pub fn read_shot(
+    args: &FitArgs,
+    overrides: &RoleOverrides,
+    settings: &Settings,
+) -> Result<Vec<(Input, Prepared)>, Error> {
     let missing = || Error::Arguments("a shot needs --a, --b and --frames".into());
     let a: Pattern = args.a.as_deref().ok_or_else(missing)?.parse()?;
     let b: Pattern = args.b.as_deref().ok_or_else(missing)?.parse()?;
@@ -73,7 +144,8 @@ pub fn read_shot(args: &FitArgs, overrides: &RoleOverrides) -> Result<Vec<Input>
                 of_frame(&args.denoised, number)?,
             )
             .with_reference(of_frame(&args.reference, number)?);
-        inputs.push(Input { frame_number: Some(number), ..read(files, overrides)? });
+        let (input, prepared) = read(files, overrides, settings)?;
+        inputs.push((Input { frame_number: Some(number), ..input }, prepared));
     }
     Ok(inputs)
 }

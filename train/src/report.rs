@@ -5,8 +5,8 @@ use crate::preset::{Influence, Preset, Settings};
 use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::features::FeatureSet;
-use sspc_core::finish::{Composition, Finished};
-use sspc_core::frame::{Frame, Reference, RoleSource};
+use sspc_core::finish::Composition;
+use sspc_core::frame::{Reference, RoleSource};
 use sspc_core::image::Image;
 use sspc_core::metric::rel_l2;
 use sspc_core::prepare::{Findings, Prepared};
@@ -42,9 +42,20 @@ pub struct Mix {
     pub rel_l2: f64,
 }
 
-impl RelL2 {
-    /// Measures noisy, denoised and corrected pictures `[3, H, W]` of one frame.
-    pub fn measure(noisy: &Image, denoised: &Image, corrected: &Image, reference: &Reference) -> Self {
+/// What a corrected picture is measured beside, all of it known before training.
+#[derive(Clone, Copy, Debug)]
+pub struct Rivals {
+    noisy: f64,
+    denoised: f64,
+    best_mix: Mix,
+    /// Of the mean of the halves' denoised pictures.
+    denoised_halves: Option<f64>,
+}
+
+impl Rivals {
+    /// Measures noisy and denoised pictures `[3, H, W]` of one frame; `halves` is the mean of the
+    /// halves' denoised pictures, where no pixel is missing.
+    pub fn measure(noisy: &Image, denoised: &Image, halves: Option<Image>, reference: &Reference) -> Self {
         let of = |picture: &Image| rel_l2(picture, reference).value;
         let (y, z) = (of(noisy), of(denoised));
         // relL2 is a parabola in the share: its values at 0, 1/2 and 1 give its lowest point.
@@ -53,26 +64,24 @@ impl RelL2 {
         let slope = y - z - curvature;
         let share = if curvature > 0.0 { (-slope / (2.0 * curvature)).clamp(0.0, 1.0) } else { 0.0 };
         let best_mix = Mix { share, rel_l2: z + share * (slope + share * curvature) };
+        Self { noisy: y, denoised: z, best_mix, denoised_halves: halves.as_ref().map(of) }
+    }
+}
+
+impl RelL2 {
+    /// Measures the corrected picture `[3, H, W]`, and the mean of both halves in the frame's units
+    /// that the estimate is of.
+    pub fn measure(corrected: &Image, halves: &Image, rivals: &Rivals, reference: &Reference) -> Self {
+        let Rivals { noisy, denoised, best_mix, denoised_halves } = *rivals;
+        let of = |picture: &Image| rel_l2(picture, reference).value;
         RelL2 {
-            noisy: y,
-            denoised: z,
+            noisy,
+            denoised,
             corrected: of(corrected),
             best_mix,
-            halves: None,
+            halves: denoised_halves.map(|denoised| HalvesRelL2 { denoised, corrected: of(halves) }),
             reference_noise_removed: reference.halves.is_some(),
         }
-    }
-
-    /// The same with figures of the mean of both halves of `frame`, of which `finished` is made.
-    pub fn with_halves(self, frame: &Frame, prepared: &Prepared, finished: &Finished, reference: &Reference) -> Self {
-        if prepared.valid.is_some() {
-            return self;
-        }
-        let denoised = rel_l2(&Image::mean_of(&frame.a.denoised, &frame.b.denoised), reference).value;
-        let mut halves = finished.halves.clone();
-        halves.data_mut().iter_mut().for_each(|v| *v /= prepared.exposure);
-        let corrected = rel_l2(&halves, reference).value;
-        RelL2 { halves: Some(HalvesRelL2 { denoised, corrected }), ..self }
     }
 }
 

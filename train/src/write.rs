@@ -3,7 +3,7 @@
 use crate::cli::FitArgs;
 use crate::error::Error;
 use crate::fit::Fitted;
-use crate::fit_command::{Outcome, denoised, noisy};
+use crate::fit_command::Outcome;
 use crate::inputs::Input;
 use crate::output::OutputFolder;
 use crate::preset::Settings;
@@ -12,17 +12,19 @@ use rayon::prelude::*;
 use sspc_core::features::FeatureSet;
 use sspc_core::image::Image;
 use sspc_core::io::atomic::{atomic_write_bytes, check_output};
-use sspc_core::io::preview::{Rgb8, auto_exposure, error_map, strip, tone_map, write_png};
+use sspc_core::io::preview::{Rgb8, error_map, strip, tone_map, write_png};
 use sspc_core::io::{RoleOverrides, write_corrected};
-use sspc_core::prepare::Prepared;
 use sspc_onnx::{Contract, Model, write_network};
 use std::path::PathBuf;
 use std::time::Instant;
 
+/// Name of the fitted network's file.
+const MODEL: &str = "model.onnx";
+
 /// Whether every file may be written: worth asking before training.
 pub fn check_outputs(folder: &OutputFolder, args: &FitArgs, inputs: &[Input]) -> Result<(), Error> {
+    check_output(&folder.file(MODEL), &images(args, inputs)?)?;
     let protected = protected(args, inputs)?;
-    check_output(&folder.file("model.onnx"), &protected)?;
     for input in inputs {
         let previews = preview_names(input).into_iter().map(|stem| (stem, "png"));
         for (stem, extension) in [("corrected", "exr"), ("report", "json")].into_iter().chain(previews) {
@@ -32,11 +34,16 @@ pub fn check_outputs(folder: &OutputFolder, args: &FitArgs, inputs: &[Input]) ->
     Ok(())
 }
 
-/// Everything that was read: frames, files named by roles, the model to start from.
-fn protected(args: &FitArgs, inputs: &[Input]) -> Result<Vec<PathBuf>, Error> {
+/// Every picture that was read: frames and files named by roles.
+fn images(args: &FitArgs, inputs: &[Input]) -> Result<Vec<PathBuf>, Error> {
     let frames = inputs.iter().flat_map(|input| input.files.all());
-    let roles = RoleOverrides::parse(&args.roles)?.files();
-    Ok(frames.chain(roles).chain(args.init.clone()).collect())
+    Ok(frames.chain(RoleOverrides::parse(&args.roles)?.files()).collect())
+}
+
+/// What no output but the model may replace: the pictures and the model to start from. That one is read whole before
+/// training and replaced by a rename, so it may be refined in place.
+fn protected(args: &FitArgs, inputs: &[Input]) -> Result<Vec<PathBuf>, Error> {
+    Ok(images(args, inputs)?.into_iter().chain(args.init.clone()).collect())
 }
 
 /// Writes everything; of a shot, names carry the frame's number.
@@ -45,7 +52,6 @@ pub fn write_outputs(
     args: &FitArgs,
     settings: &Settings,
     inputs: &[Input],
-    prepared: &[Prepared],
     fitted: &Fitted,
     results: &[Outcome],
     mut reports: Vec<Report>,
@@ -54,8 +60,8 @@ pub fn write_outputs(
 ) -> Result<(), Error> {
     let begin = Instant::now();
     let protected = protected(args, inputs)?;
-    let model = write_network(&model(args, settings, inputs, prepared, fitted)?);
-    atomic_write_bytes(&folder.add("model.onnx"), &protected, &model)?;
+    let model = write_network(&model(args, settings, inputs, fitted)?);
+    atomic_write_bytes(&folder.add(MODEL), &images(args, inputs)?, &model)?;
     // Compression takes longer than everything else here: all files of a frame at once.
     for (input, result) in inputs.iter().zip(results) {
         let picture = folder.add(&input.file_name("corrected", "exr"));
@@ -83,19 +89,13 @@ pub fn write_outputs(
 }
 
 /// The fitted network with its contract.
-fn model(
-    args: &FitArgs,
-    settings: &Settings,
-    inputs: &[Input],
-    prepared: &[Prepared],
-    fitted: &Fitted,
-) -> Result<Model, Error> {
+fn model(args: &FitArgs, settings: &Settings, inputs: &[Input], fitted: &Fitted) -> Result<Model, Error> {
     let mut contract = Contract::new(settings.form);
     contract.shape = settings.shape;
     contract.window_radius = settings.radius;
     contract.exposure = settings.exposure;
     contract.composition = settings.composition;
-    contract.features = prepared.iter().fold(FeatureSet::NONE, |all, p| all.union(p.set));
+    contract.features = inputs.iter().fold(FeatureSet::NONE, |all, input| all.union(input.features));
     contract.seed = args.seed;
     contract.frames = inputs.iter().map(|i| i.name.clone()).collect();
     contract.tool = concat!("sspc-train ", env!("CARGO_PKG_VERSION")).into();
@@ -109,7 +109,7 @@ fn model(
 
 /// How the picture was made, for its EXR attributes.
 fn provenance(args: &FitArgs, fitted: &Fitted, result: &Outcome) -> Vec<(String, String)> {
-    let fallback = result.finished.fallback.clone().unwrap_or_else(|| "none".into());
+    let fallback = result.fallback.clone().unwrap_or_else(|| "none".into());
     [
         ("sspc.tool", concat!("sspc-train ", env!("CARGO_PKG_VERSION")).to_string()),
         ("sspc.preset", args.preset.to_string()),
@@ -130,13 +130,11 @@ fn preview_names(input: &Input) -> Vec<&'static str> {
 
 /// The pictures of [`preview_names`].
 fn previews(input: &Input, result: &Outcome) -> Vec<(&'static str, Rgb8)> {
-    let denoised = denoised(&input.frame);
-    let exposure = auto_exposure(&denoised);
-    let shown = |image: &Image| tone_map(image, exposure);
-    let mut pictures = vec![shown(&noisy(&input.frame)), shown(&denoised), shown(&result.corrected)];
+    let shown = |image: &Image| tone_map(image, input.shown_exposure);
+    let mut pictures = vec![input.shown_noisy.clone(), shown(&input.denoised), shown(&result.corrected)];
     if let Some(reference) = &input.reference {
         pictures.push(shown(&reference.mean));
-        pictures.push(error_map(&denoised, reference));
+        pictures.push(error_map(&input.denoised, reference));
         pictures.push(error_map(&result.corrected, reference));
     }
     pictures.push(strip(&pictures));

@@ -39,6 +39,11 @@ impl Region {
     pub fn pixels(&self) -> usize {
         self.height * self.width
     }
+
+    /// As large, at the first pixel: a region in windows that are its own.
+    pub fn at_origin(self) -> Self {
+        Self { top: 0, left: 0, ..self }
+    }
 }
 
 /// Activated parameters of a region: `plane` floats from one parameter to the next, rows of the

@@ -7,7 +7,8 @@
 //! Half floats stay half floats where they can hold the picture, else these channels become f32; other colour
 //! channels are f32. Parts with lossy compression are stored with ZIP, so that nothing is lost a second time.
 //!
-//! Chunks are copied some at a time: memory does not grow with the number of the template's channels.
+//! Chunks are copied some at a time: memory does not grow with the number of the template's channels. The same picture
+//! and provenance give the same bytes.
 
 use crate::error::{Error, Purpose};
 use crate::image::Image;
@@ -29,7 +30,7 @@ use exr::meta::header::Header;
 use exr::meta::{BlockDescription, Headers};
 use exr::prelude::{WritableImage, f16};
 use rayon::prelude::*;
-use std::io;
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// The largest finite half float.
@@ -38,6 +39,8 @@ const HALF_MAX: f32 = 65_504.0;
 const HALF_COARSE: f64 = 1e-3;
 /// Pixels in bytes, all channels, that are copied at a time; at least one row of blocks.
 const COPIED_BYTES: usize = 24 << 20;
+/// Where the first header begins: after four bytes that mark the format, and version and flags.
+const FIRST_ATTRIBUTE: u64 = 8;
 /// Longest name of an attribute in the format.
 const LONGEST_NAME: usize = 255;
 
@@ -66,7 +69,9 @@ pub fn write_corrected(
     let protected: Vec<PathBuf> = inputs.iter().cloned().chain([template.to_path_buf()]).collect();
     let mut unreadable = None;
     let written = atomic_write(path, &protected, |out| {
-        let write = exr::block::write(out, headers, true, |meta, writer| {
+        let mut ordered = Vec::new();
+        let write = exr::block::write(&mut *out, headers, true, |meta, writer| {
+            ordered = attributes_by_name(&meta.headers)?;
             (0..meta.headers.len()).try_for_each(|part| copy.part(part, &meta.headers, writer)).map_err(|error| {
                 match error {
                     CopyError::Write(error) => error,
@@ -77,9 +82,27 @@ pub fn write_corrected(
                 }
             })
         });
-        write.map_err(into_io)
+        write.map_err(into_io)?;
+        out.seek(SeekFrom::Start(FIRST_ATTRIBUTE))?;
+        out.write_all(&ordered)
     });
     unreadable.map_or(written, Err)
+}
+
+/// The headers' bytes with the attributes of each in the order of their names. The library keeps most of them in hash
+/// maps, and writes them in another order every time.
+fn attributes_by_name(headers: &[Header]) -> Result<Vec<u8>, ExrError> {
+    let mut bytes = Vec::new();
+    for header in headers {
+        let mut attributes: Vec<_> = header.all_named_attributes().collect();
+        attributes.sort_by_key(|(name, _)| *name);
+        for (name, value) in &attributes {
+            exr::meta::attribute::write(name, value, &mut bytes)?;
+        }
+        // The end of a header.
+        bytes.push(0);
+    }
+    Ok(bytes)
 }
 
 /// Writes a picture of its own, `[3, H, W]` as f32 R,G,B with ZIP, with provenance as text attributes.

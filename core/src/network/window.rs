@@ -10,6 +10,7 @@ use crate::parameters::{Form, activate};
 use crate::plan::Plan;
 use crate::simd::Isa;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Side of the windows that a picture is computed in, without their halo.
 const PICTURE_WINDOW: usize = 128;
@@ -86,24 +87,30 @@ impl WindowNetwork {
     /// plan skips. Windows have a halo of the network's radius; at the picture's border the zero
     /// padding of every layer is exact, so the tiling does not show.
     pub fn run_picture(&self, features: &Image, plan: &Plan) -> Image {
-        let (height, width) = (features.height(), features.width());
-        let windows: Vec<Region> = (0..height)
+        self.run_rows(features, plan, 0..features.height())
+    }
+
+    /// The same for some `rows` of the picture, `[P, rows, W]`.
+    pub fn run_rows(&self, features: &Image, plan: &Plan, rows: Range<usize>) -> Image {
+        let width = features.width();
+        let windows: Vec<Region> = rows
+            .clone()
             .step_by(PICTURE_WINDOW)
             .flat_map(|top| (0..width).step_by(PICTURE_WINDOW).map(move |left| (top, left)))
             .map(|(top, left)| Region {
                 top,
                 left,
-                height: PICTURE_WINDOW.min(height - top),
+                height: PICTURE_WINDOW.min(rows.end - top),
                 width: PICTURE_WINDOW.min(width - left),
             })
             .filter(|window| plan.touches(window))
             .collect();
         let tiles: Vec<Image> = windows.par_iter().map(|window| self.run_with_halo(features, window)).collect();
-        let mut out = Image::zeros(self.shape.outputs, height, width);
+        let mut out = Image::zeros(self.shape.outputs, rows.len(), width);
         for (window, tile) in windows.iter().zip(&tiles) {
             for c in 0..self.shape.outputs {
                 for (y, row) in tile.plane(c).chunks_exact(window.width).enumerate() {
-                    let to = (window.top + y) * width + window.left;
+                    let to = (window.top - rows.start + y) * width + window.left;
                     out.plane_mut(c)[to..to + window.width].copy_from_slice(row);
                 }
             }

@@ -1,19 +1,20 @@
 //! The loss of tiles by the network's outputs, and its gradient.
 
 use super::{RELATIVE_FLOOR, Tile, relative_weight, shared_weight, triple};
-use crate::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE, Windows};
+use crate::features::{FEATURE_CHANNELS, FeaturePlanes, FeatureSet, RADIANCE};
 use crate::gc::{self, ParameterPlanes, Region, Taps, Upstream};
 use crate::image::Image;
 use crate::parameters::{Form, activate, activate_backward};
 use crate::prepare::Prepared;
 use crate::simd::{Isa, MAX_LANES, Simd};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// One half, and what its correction is judged by.
 #[derive(Clone, Debug)]
 pub struct HalfObjective {
     /// Features of this half, for the network and for g_c.
-    pub windows: Windows,
+    pub planes: FeaturePlanes,
     /// y of the other half, `[3, H, W]`.
     pub target: Image,
     /// Weight of a pixel's squared error, 0 where missing: 1 / (z̄² + 0.01) of the other half (the
@@ -32,10 +33,11 @@ pub struct Objective {
 impl Objective {
     /// The paper's objective of a frame (Eqs. 8, 9).
     pub fn new(prepared: &Prepared, form: Form, taps: Taps, set: FeatureSet) -> Self {
+        let valid = prepared.valid.clone().map(Arc::new);
         let half = |h: usize| {
             let other = &prepared.halves[1 - h];
             HalfObjective {
-                windows: Windows::new(&prepared.halves[h], prepared.valid.as_ref(), set, taps.radius()),
+                planes: FeaturePlanes::new(prepared.halves[h].clone(), valid.clone(), set, taps.radius()),
                 target: triple(other, RADIANCE),
                 weight: relative_weight(other, prepared.valid.as_ref(), RELATIVE_FLOOR),
             }
@@ -61,10 +63,9 @@ impl Objective {
     /// Appends one tile's features.
     pub(super) fn append_features(&self, tile: &Tile, out: &mut Vec<f32>) {
         let Tile { half, region, mirror } = tile;
-        let (windows, first) = (&self.halves[*half].windows, out.len());
+        let (features, first) = (self.halves[*half].planes.features(), out.len());
         for (c, y) in (0..FEATURE_CHANNELS).flat_map(|c| (0..region.height).map(move |y| (c, y))) {
-            let from = c * windows.plane() + windows.offset(region.top + y, region.left);
-            out.extend_from_slice(&windows.data()[from..from + region.width]);
+            out.extend_from_slice(&features.row(c, region.top + y)[region.left..region.left + region.width]);
         }
         mirror.apply(&mut out[first..], region.height, region.width);
     }
@@ -81,7 +82,8 @@ impl Objective {
                 .for_each(|((out, outputs), tile)| {
                     let parameters = self.activated(isa, tile, outputs);
                     let view = ParameterPlanes::of_region(self.form, &parameters, &tile.region);
-                    gc::forward(isa, &self.halves[tile.half].windows, &self.taps, tile.region, view, out);
+                    let windows = self.halves[tile.half].planes.windows(tile.region, Vec::new());
+                    gc::forward(isa, &windows, &self.taps, tile.region.at_origin(), view, out);
                 });
         }
         out
@@ -173,22 +175,25 @@ impl Objective {
         gradient: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        let Scratch { parameters, corrected } = scratch;
+        let Scratch { parameters, corrected, padded } = scratch;
         self.activate(isa, tile, outputs, parameters);
         corrected.resize(3 * tile.region.pixels(), 0.0);
         let view = ParameterPlanes::of_region(self.form, parameters, &tile.region);
-        let windows = &self.halves[tile.half].windows;
-        gc::backward(isa, windows, &self.taps, tile.region, view, upstream, corrected, gradient);
+        let windows = self.halves[tile.half].planes.windows(tile.region, std::mem::take(padded));
+        gc::backward(isa, &windows, &self.taps, tile.region.at_origin(), view, upstream, corrected, gradient);
+        *padded = windows.into_data();
         tile.mirror.apply(gradient, tile.region.height, tile.region.width);
         activate_backward(isa, self.form, outputs, gradient);
     }
 }
 
-/// What a tile's backward pass writes on the way: activated parameters and corrected radiance.
+/// What a tile's backward pass writes on the way: activated parameters, corrected radiance, and the
+/// tile's padded features.
 #[derive(Default)]
 pub(super) struct Scratch {
     parameters: Vec<f32>,
     corrected: Vec<f32>,
+    padded: Vec<f32>,
 }
 
 /// An upstream gradient that is known beforehand, `[3, h, w]`.
@@ -267,7 +272,8 @@ mod tests {
     fn the_shared_weight_is_of_both_halves_alike_and_0_where_a_pixel_is_missing() {
         let mut prepared = prepared(&mut Rng::new(2));
         for (h, z) in [(0, [0.1, 0.2, 0.3]), (1, [0.5, 0.6, 0.7])] {
-            (0..3).for_each(|k| prepared.halves[h].set(DENOISED + k, 3, 4, z[k]));
+            let half = Arc::make_mut(&mut prepared.halves[h]);
+            (0..3).for_each(|k| half.set(DENOISED + k, 3, 4, z[k]));
         }
         let mut valid = Image::filled(1, prepared.height(), prepared.width(), 1.0);
         valid.set(0, 20, 25, 0.0);
@@ -305,8 +311,8 @@ mod tests {
             let features = objective.tile_features(&tile);
             assert_eq!(features, mirrored(&objective.tile_features(&upright)), "{mirror:?}");
             let (first, last) = (features[0], if rows { region.height - 1 } else { 0 });
-            let at = objective.halves[1].windows.offset(4 + last, 7 + if columns { 11 } else { 0 });
-            assert_eq!(first, objective.halves[1].windows.data()[at], "{mirror:?}: the corner");
+            let corner = prepared.halves[1].at(0, 4 + last, 7 + if columns { 11 } else { 0 });
+            assert_eq!(first, corner, "{mirror:?}: the corner");
             assert_eq!(objective.correct(isa, &tile, &mirrored(&outputs)), objective.correct(isa, &upright, &outputs));
             let seen = objective.loss(isa, &tile, &mirrored(&outputs), 0.1, 1.0);
             assert_eq!((seen.0, seen.1), (loss, mirrored(&gradient)), "{mirror:?}");

@@ -23,12 +23,13 @@ pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> I
 /// alone counts such pixels less than those whose noise is dark, and what is fitted to y^b under it
 /// comes out too dark; half of z^a halves that. (A weight of z^a alone would be exact, and is noisier.)
 pub fn shared_weight(prepared: &Prepared) -> Image {
-    let means = triple(&Image::mean_of(&prepared.halves[0], &prepared.halves[1]), DENOISED);
+    let [a, b] = &prepared.halves;
     Image::from_rows(1, prepared.height(), prepared.width(), |_, y, row| {
-        let z = [means.row(0, y), means.row(1, y), means.row(2, y)];
+        let z: [(&[f32], &[f32]); 3] = std::array::from_fn(|k| (a.row(DENOISED + k, y), b.row(DENOISED + k, y)));
         for (x, weight) in row.iter_mut().enumerate() {
             if prepared.is_valid(y * prepared.width() + x) {
-                let mean = (z[0][x] + z[1][x] + z[2][x]) / 3.0;
+                let z = z.map(|(a, b)| 0.5 * a[x] + 0.5 * b[x]);
+                let mean = (z[0] + z[1] + z[2]) / 3.0;
                 *weight = 1.0 / (mean * mean + RELATIVE_FLOOR);
             }
         }

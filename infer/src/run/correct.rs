@@ -14,7 +14,7 @@ use sspc_core::finish::{Composition, Part, Tally, Verdict, finish_rows, judged_r
 use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
-use sspc_core::prepare::{Prepared, Survey};
+use sspc_core::prepare::{Prepared, Survey, baseline};
 use sspc_core::simd::Isa;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -126,7 +126,7 @@ pub fn correct_rows(
         tally.append(done.part.tally);
         kept += done.part.share.data().iter().map(|&s| f64::from(s)).sum::<f64>();
         active += done.active_share * (band.len() * width) as f64;
-        put_rows(&mut picture, band.start, &done.picture);
+        picture.put_rows(band.start, &done.picture);
     }
     let begin = Instant::now();
     let Verdict { loss, model_loss, estimate, fallback } = tally.verdict(contract.composition);
@@ -134,7 +134,7 @@ pub fn correct_rows(
         for band in bands() {
             let denoised = frame.rows(band.clone())?;
             let nothing = Image::zeros(3, band.len(), width);
-            put_rows(&mut picture, band.start, &picture_rows(&denoised, survey, &nothing));
+            picture.put_rows(band.start, &picture_rows(&denoised, survey, &nothing));
         }
     }
     if survey.found.missing_pixels > 0 {
@@ -156,18 +156,11 @@ pub fn correct_rows(
 
 /// The picture's rows of a frame's rows, filled from the frame where pixels are missing.
 fn picture_rows(frame: &Frame, survey: Survey, correction: &Image) -> Image {
-    let mut picture = unfilled_picture(frame, survey.exposure, correction);
+    let mut picture = unfilled_picture(&baseline(frame), survey.exposure, correction);
     if survey.found.missing_pixels > 0 {
         fill::fill_from_sources(&mut picture, frame);
     }
     picture
-}
-
-fn put_rows(picture: &mut Image, top: usize, rows: &Image) {
-    let from = top * rows.width();
-    for c in 0..rows.channels() {
-        picture.plane_mut(c)[from..from + rows.pixels()].copy_from_slice(rows.plane(c));
-    }
 }
 
 /// Rows of a band that fit the memory, beside the rows around it.
@@ -206,7 +199,10 @@ impl Band<'_> {
         let frame = self.frame.rows(first..last)?;
         seconds.read += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
-        let prepared = Prepared::by_survey(&frame, self.survey);
+        let mut prepared = Prepared::by_survey(&frame, self.survey);
+        if !contract.composition.skips_still_blocks() {
+            prepared = prepared.without_skips(self.survey);
+        }
         let colours = match frame {
             Cow::Borrowed(whole) if inner.len() == whole.height() => Cow::Borrowed(whole),
             // The rest of what was read is of no use any more.

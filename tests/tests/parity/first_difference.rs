@@ -114,7 +114,7 @@ fn run(case: &Case, isa: Isa, fault: Fault) -> Vec<Vec<f32>> {
         for (form, out) in [(Form::Paper, &mut g), (Form::Gated, &mut mu_hat)] {
             let view = ParameterPlanes::of_region(form, &activated[..form.parameters() * region.pixels()], &region);
             let mut corrected = vec![0.0; 3 * region.pixels()];
-            forward(isa, &half.windows, &objective.taps, region, view, &mut corrected);
+            forward(isa, &half.planes.windows(region, Vec::new()), &objective.taps, region, view, &mut corrected);
             out.extend(corrected);
         }
         parameters.extend(activated);
@@ -153,7 +153,16 @@ fn d_parameters(case: &Case, isa: Isa, objective: &Objective, region: Region, pa
         let view = ParameterPlanes::of_region(Form::Gated, parameters, &region);
         let mut given = Given { upstream, width: region.width, pixels: region.pixels() };
         let mut out = vec![0.0; 3 * region.pixels()];
-        backward(isa, &half.windows, &objective.taps, region, view, &mut given, &mut out, gradient);
+        backward(
+            isa,
+            &half.planes.windows(region, Vec::new()),
+            &objective.taps,
+            region,
+            view,
+            &mut given,
+            &mut out,
+            gradient,
+        );
     }
     gradient
 }

@@ -8,12 +8,13 @@
 
 use super::case::{Array, Case};
 use super::closeness::{MUST_CATCH, Relative, assert_close, assert_sensitive, compare, largest};
-use sspc_core::features::{DENOISED, FEATURE_CHANNELS, FeatureSet, RADIANCE, Windows};
+use sspc_core::features::{DENOISED, FEATURE_CHANNELS, FeaturePlanes, FeatureSet, RADIANCE};
 use sspc_core::gc::{Region, Taps};
 use sspc_core::image::Image;
 use sspc_core::objective::{HalfObjective, Objective, RELATIVE_FLOOR, Tile, relative_weight};
 use sspc_core::parameters::{Form, GATE};
 use sspc_core::simd::Isa;
+use std::sync::Arc;
 
 /// One mean of positive terms, summed in f64.
 const LOSS: f64 = 1e-6;
@@ -37,7 +38,7 @@ fn half(radiance: &Array, denoised: &Array, target: &Array, guide: &Array) -> Ha
     let features_of_half = features(radiance, denoised);
     let (height, width) = (features_of_half.height(), features_of_half.width());
     HalfObjective {
-        windows: Windows::new(&features_of_half, None, FeatureSet::ALL, 0),
+        planes: FeaturePlanes::new(Arc::new(features_of_half), None, FeatureSet::ALL, 0),
         target: Image::from_planes(3, height, width, target.f32()),
         weight: relative_weight(&features(target, guide), None, RELATIVE_FLOOR),
     }

@@ -9,6 +9,7 @@ use sspc_core::plan::Plan;
 use sspc_core::prepare::{Findings, Prepared};
 use sspc_core::rng::Rng;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Below this f32 loses its bits one by one; errors are not measured relative to less.
 pub const SMALLEST: f64 = 1e-30;
@@ -43,7 +44,7 @@ impl Case {
     pub fn prepared(&self) -> Prepared {
         Prepared {
             exposure: 1.0,
-            halves: self.halves.clone(),
+            halves: self.halves.clone().map(Arc::new),
             denoised: Image::from_fn(3, self.height(), self.width(), |k, y, x| self.halves[0].at(DENOISED + k, y, x)),
             valid: self.valid.clone(),
             set: FeatureSet::ALL,

@@ -2,7 +2,7 @@
 
 use super::train::{BACKENDS, Convolutions, Step, train};
 use crate::case::Case;
-use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE, Windows};
+use sspc_core::features::{FEATURE_CHANNELS, FeaturePlanes, FeatureSet, RADIANCE};
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
 use sspc_core::network::{Network, Shape};
@@ -34,7 +34,7 @@ impl Setup {
         });
         let taps = Taps::square(case.count("radius"));
         let half = |own: &Image, other: &Image| HalfObjective {
-            windows: Windows::new(own, None, FeatureSet::ALL, taps.radius()),
+            planes: FeaturePlanes::new(Arc::new(own.clone()), None, FeatureSet::ALL, taps.radius()),
             target: triple(other, RADIANCE),
             weight: relative_weight(other, None, RELATIVE_FLOOR),
         };
