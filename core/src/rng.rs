@@ -32,6 +32,17 @@ impl Rng {
         ((u128::from(self.next_u64()) * n as u128) >> 64) as usize
     }
 
+    /// An index as likely as its share of the last of these sums, each of which adds the index's own
+    /// positive weight to the sum before.
+    ///
+    /// # Panics
+    /// When there are none.
+    pub fn index(&mut self, cumulative: &[f64]) -> usize {
+        let last = cumulative.len() - 1;
+        let uniform = (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        cumulative.partition_point(|sum| *sum <= uniform * cumulative[last]).min(last)
+    }
+
     /// Standard normal (Box and Muller 1958).
     pub fn normal(&mut self) -> f32 {
         let radius = (-2.0 * (1.0 - f64::from(self.uniform())).ln()).sqrt();
@@ -43,5 +54,22 @@ impl Rng {
         for i in (1..items.len()).rev() {
             items.swap(i, self.below(i + 1));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_index_is_drawn_by_its_weight() {
+        let mut rng = Rng::new(1);
+        let mut counts = [0; 3];
+        (0..40_000).for_each(|_| counts[rng.index(&[1.0, 1.5, 4.0])] += 1);
+        for (count, expected) in counts.iter().zip([10_000, 5_000, 25_000]) {
+            // Five standard deviations.
+            assert!(i32::abs(count - expected) < 500, "{counts:?}");
+        }
+        assert_eq!(rng.index(&[0.5]), 0);
     }
 }

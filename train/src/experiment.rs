@@ -2,7 +2,7 @@
 
 use crate::combination::Combination;
 use crate::fit::LARGEST_RATE;
-use crate::preset::{Influence, Rate, Settings, Start};
+use crate::preset::{Influence, Rate, Sampling, Settings, Start};
 use crate::start::{ANALYTIC_GATE, is_built_in};
 use sspc_core::features::MAX_RADIUS;
 use sspc_core::finish::Composition;
@@ -19,7 +19,7 @@ const TILES: (usize, usize) = (8, 512);
 const MAX_BATCH: usize = 256;
 
 /// Every key and what it may be, as `--help` and messages show them.
-pub const KEYS: [(&str, &str); 12] = [
+pub const KEYS: [(&str, &str); 13] = [
     ("window", "side of the window of g_c in pixels, odd, 3 to 25"),
     ("hidden", "channels of a hidden layer, 1 to 16"),
     ("layers", "convolutions, 1 to 32"),
@@ -27,6 +27,7 @@ pub const KEYS: [(&str, &str); 12] = [
     ("combination", "gc, or fc (Deep Combiner's function)"),
     ("gate", "none (the paper's form), or the gate of the analytic start between 0 and 1"),
     ("influence", "limit on a pixel's gradient, above 0, the same at every step, or inf"),
+    ("sampling", "uniform, or important (tiles where the denoised halves differ)"),
     ("tile", "side of a training tile in pixels, 8 to 512"),
     ("batch", "tiles a step, 1 to 256"),
     ("rate", "highest learning rate, above 0, at most 0.1"),
@@ -138,6 +139,13 @@ impl Change {
             "influence" => {
                 settings.influence = Influence::constant(self.number(|m: &f32| *m > 0.0 && m.is_finite())?);
             }
+            "sampling" => {
+                if matches!(settings.sampling, Sampling::Grid { .. }) {
+                    return Err(self.conflict("this preset trains on a grid of patches"));
+                }
+                settings.sampling =
+                    self.choice(&[("uniform", Sampling::Uniform), ("important", Sampling::Important)])?;
+            }
             "tile" => settings.tile = self.number(|n| (TILES.0..=TILES.1).contains(n))?,
             "batch" => settings.batch = self.number(|n| (1..=MAX_BATCH).contains(n))?,
             "rate" => {
@@ -216,7 +224,7 @@ mod tests {
             settings
         };
         let analytic = Start::Analytic { gate: ANALYTIC_GATE };
-        let cases: [(&str, Settings); 14] = [
+        let cases: [(&str, Settings); 15] = [
             ("window=7", small(&|s| s.radius = 3)),
             ("window=25", small(&|s| s.radius = 12)),
             ("hidden=1", small(&|s| (s.shape.hidden, s.start) = (1, analytic))),
@@ -226,6 +234,7 @@ mod tests {
             ("gate=0.25", small(&|s| s.start = Start::Analytic { gate: 0.25 })),
             ("influence=inf", small(&|s| s.influence = Influence::UNLIMITED)),
             ("influence=0.5", small(&|s| s.influence = Influence::constant(0.5))),
+            ("sampling=uniform", small(&|s| s.sampling = Sampling::Uniform)),
             ("tile=32", small(&|s| s.tile = 32)),
             ("batch=16", small(&|s| s.batch = 16)),
             ("rate=0.004", small(&|s| s.rate = Rate::Cosine { peak: 0.004, warm_up: 10 })),
@@ -255,6 +264,7 @@ mod tests {
             ("combination", vec!["GC", "f_c"]),
             ("gate", vec!["0", "1", "nan", "off"]),
             ("influence", vec!["0", "-1", "nan", "1e39"]),
+            ("sampling", vec!["random", "1"]),
             ("tile", vec!["7", "513"]),
             ("batch", vec!["0", "257"]),
             ("rate", vec!["0", "0.2", "nan", "inf"]),
@@ -279,6 +289,7 @@ mod tests {
         let twice = message(Preset::Balanced, &["tile=32", "tile=64"]);
         assert!(twice.contains("twice: 32 and 64"), "{twice}");
         assert!(message(Preset::Paper, &["rate=0.01"]).contains("noise"));
+        assert!(message(Preset::Paper, &["sampling=uniform"]).contains("grid"));
         assert!(message(Preset::Paper, &["gate=0.7"]).contains("random weights"));
         assert!(message(Preset::Balanced, &["start=built-in", "hidden=8"]).contains("sixteen channels"));
         assert!(message(Preset::Paper, &["start=built-in"]).contains("sixteen channels"));

@@ -110,6 +110,11 @@ fn rate_at(settings: &Settings, noise_rate: f64, step: usize, done: f64) -> f64 
     }
 }
 
+fn schedule(settings: &Settings, prepared: &Prepared, steps: Option<usize>) -> Schedule {
+    let schedule = Schedule::new(settings, &prepared.plan, prepared.height(), prepared.width(), steps);
+    schedule.by_importance(settings, prepared)
+}
+
 /// Fits `initial` to one frame, or to several in turn. `observe` is told of every step and may end
 /// training; the network so far is returned then.
 pub fn fit(
@@ -123,8 +128,7 @@ pub fn fit(
 ) -> Fitted {
     let start = Instant::now();
     let objectives: Vec<_> = prepared.iter().map(|p| objective(p, settings)).collect();
-    let mut schedules: Vec<Schedule> =
-        prepared.iter().map(|p| Schedule::new(settings, &p.plan, p.height(), p.width(), limits.steps)).collect();
+    let mut schedules: Vec<Schedule> = prepared.iter().map(|p| schedule(settings, p, limits.steps)).collect();
     // Frames in turn; one without any noise has nothing to teach.
     let taught: Vec<usize> = (0..schedules.len()).filter(|&i| schedules[i].steps() > 0).collect();
     let noise_rate = match settings.rate {

@@ -12,6 +12,7 @@ pub mod experiment;
 pub mod fit;
 pub mod fit_command;
 pub mod guard;
+mod importance;
 pub mod init;
 pub mod inputs;
 pub mod interrupt;

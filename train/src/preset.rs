@@ -51,8 +51,10 @@ pub enum Start {
 pub enum Sampling {
     /// Every patch of a grid of this stride once an epoch, in random order, both halves of each.
     Grid { stride: usize },
-    /// Uniformly random places, half of them from each half buffer, mirrored at random.
-    Random,
+    /// Random places, half of them from each half buffer, mirrored at random.
+    Uniform,
+    /// The same, more often where the denoised halves differ (`importance.rs`).
+    Important,
 }
 
 /// The learning rate over the steps.
@@ -148,7 +150,7 @@ impl Settings {
             exposure: Exposure::Normalised,
             start: Start::BuiltIn,
             combination: Combination::PostCorrection,
-            sampling: Sampling::Random,
+            sampling: Sampling::Important,
             tile: 48,
             batch: 8,
             rate: Rate::Cosine { peak, warm_up: 10 },

@@ -1,9 +1,11 @@
 //! Which tiles each step trains on.
 
+use crate::importance::importance;
 use crate::preset::{Sampling, Settings};
 use sspc_core::gc::Region;
 use sspc_core::objective::{Mirror, Tile};
 use sspc_core::plan::Plan;
+use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
 
 /// A pixel of either half is visited at most this often, on average: small pictures overfit beyond.
@@ -18,8 +20,10 @@ pub struct Schedule {
     width: usize,
     tile: (usize, usize),
     grid: Option<Grid>,
-    /// Blocks that random tiles are centred on.
+    /// Blocks that random tiles lie over.
     blocks: Vec<Region>,
+    /// How likely a block is, added up to it.
+    cumulative: Vec<f64>,
     rng: Rng,
 }
 
@@ -35,7 +39,7 @@ impl Schedule {
     pub fn new(settings: &Settings, plan: &Plan, height: usize, width: usize, steps: Option<usize>) -> Self {
         let tile = (settings.tile.min(height), settings.tile.min(width));
         let grid = match settings.sampling {
-            Sampling::Random => None,
+            Sampling::Uniform | Sampling::Important => None,
             Sampling::Grid { stride } => {
                 let (tops, lefts) = (positions(height, tile.0, stride), positions(width, tile.1, stride));
                 let places = tops
@@ -61,9 +65,24 @@ impl Schedule {
             width,
             tile,
             grid,
+            cumulative: (1..=blocks.len()).map(|n| n as f64).collect(),
             blocks,
             rng: Rng::new(settings.seed ^ 0x7469_6C65),
         }
+    }
+
+    /// The same, with random tiles over blocks in proportion to their [`importance`] to `prepared`
+    /// where the settings say so.
+    pub fn by_importance(mut self, settings: &Settings, prepared: &Prepared) -> Self {
+        if settings.sampling == Sampling::Important {
+            let mut sum = 0.0;
+            let add = |value| {
+                sum += value;
+                sum
+            };
+            self.cumulative = importance(prepared, &self.blocks).into_iter().map(add).collect();
+        }
+        self
     }
 
     pub fn steps(&self) -> usize {
@@ -82,7 +101,7 @@ impl Schedule {
             None => (0..self.batch)
                 .map(|i| {
                     // A random pixel of a random active block, anywhere in the tile.
-                    let block = self.blocks[rng.below(self.blocks.len())];
+                    let block = self.blocks[rng.index(&self.cumulative)];
                     let y = block.top + rng.below(block.height);
                     let x = block.left + rng.below(block.width);
                     let top = y.saturating_sub(rng.below(tile.0)).min(self.height - tile.0);

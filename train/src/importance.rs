@@ -1,0 +1,72 @@
+//! Where training looks more often: where the denoiser is least sure.
+//!
+//! The denoiser's outputs on both halves differ by its own error in them, without the noise of y and
+//! its outliers; blocks where they differ more are where there is more to mend. (The noise of y says
+//! less: it is large in many places that the denoiser gets right.)
+
+use rayon::prelude::*;
+use sspc_core::features::DENOISED;
+use sspc_core::gc::Region;
+use sspc_core::objective::shared_weight;
+use sspc_core::prepare::Prepared;
+
+/// Importance of a block in which the halves agree, against the mean of the rest.
+const FLOOR: f64 = 0.3;
+
+/// How often each of `blocks` should be trained on, against the others: [`FLOOR`] and, on average over
+/// the blocks, 1. All alike where the denoised halves are equal everywhere.
+///
+/// Of a pixel, with e² = ‖z^a - z^b‖² / (z̄² + 0.01), it is √(1 + e²) - 1: a square for small
+/// differences, linear for large ones.
+pub fn importance(prepared: &Prepared, blocks: &[Region]) -> Vec<f64> {
+    let weight = shared_weight(prepared);
+    let [a, b] = &prepared.halves;
+    let of_pixel = |y: usize, x: usize| {
+        let squares = (DENOISED..DENOISED + 3).map(|k| f64::from(a.at(k, y, x) - b.at(k, y, x)).powi(2));
+        (1.0 + f64::from(weight.at(0, y, x)) * squares.sum::<f64>()).sqrt() - 1.0
+    };
+    let of_block = |block: &Region| {
+        let rows = block.top..block.top + block.height;
+        let pixels = rows.flat_map(|y| (block.left..block.left + block.width).map(move |x| (y, x)));
+        pixels.map(|(y, x)| of_pixel(y, x)).sum::<f64>() / block.pixels() as f64
+    };
+    let differences: Vec<f64> = blocks.par_iter().map(of_block).collect();
+    let mean = differences.iter().sum::<f64>() / blocks.len().max(1) as f64;
+    differences.iter().map(|d| FLOOR + if mean > 0.0 { d / mean } else { 1.0 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
+    use sspc_core::image::Image;
+    use sspc_core::plan::Plan;
+    use sspc_core::prepare::Findings;
+
+    fn prepared(second: f32) -> Prepared {
+        let half = |z: f32| {
+            let value = |c, _, x| if c >= DENOISED && x >= 16 { z } else { 0.5 };
+            Image::from_fn(FEATURE_CHANNELS, 16, 48, value)
+        };
+        Prepared {
+            exposure: 1.0,
+            halves: [half(0.5), half(second)],
+            denoised: Image::filled(3, 16, 48, 0.5),
+            valid: None,
+            set: FeatureSet::ALL,
+            plan: Plan::everything(16, 48),
+            found: Findings::default(),
+        }
+    }
+
+    #[test]
+    fn blocks_count_by_what_the_denoised_halves_disagree_on() {
+        let blocks = [0, 16, 32].map(|left| Region { top: 0, left, height: 16, width: 16 });
+        assert_eq!(importance(&prepared(0.5), &blocks), [1.3; 3], "equal halves");
+        // The first block's halves agree, the other two differ alike; the mean is two thirds of theirs.
+        let of_blocks = importance(&prepared(0.7), &blocks);
+        for (found, expected) in of_blocks.iter().zip([0.3, 1.8, 1.8]) {
+            assert!((found - expected).abs() < 1e-6, "{of_blocks:?}");
+        }
+    }
+}
