@@ -50,7 +50,7 @@ mod tests {
         };
         Prepared {
             exposure: 1.0,
-            halves: [half(0.5), half(second)],
+            halves: [half(0.5).into(), half(second).into()],
             denoised: Image::filled(3, 16, 48, 0.5),
             valid: None,
             set: FeatureSet::ALL,
