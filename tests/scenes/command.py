@@ -11,6 +11,9 @@ import zlib
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+import numpy as np
+
+from . import frame
 from .catalogue import SCENES
 
 DESCRIPTION = """\
@@ -47,8 +50,6 @@ def main(arguments=None):
 
 def render_scene(scene, options):
     """Renders what is lacking of one scene, in a process of its own: renderers do not share one well."""
-    from . import frame
-
     folder = options.output / scene.name
     lacking = [spp for spp in options.spp if not frame.has_frame(folder, spp)]
     reference_spp = scene.reference_spp if options.reference_spp is None else options.reference_spp
@@ -59,14 +60,37 @@ def render_scene(scene, options):
     start = (scene.renderer, scene.name, options.size, scene.depth, options.threads)
     with ProcessPoolExecutor(1, mp_context=context, initializer=prepare, initargs=start) as worker:
         for spp in lacking:
-            halves = [render_half(worker, scene, f"{spp} spp {half}", spp // 2, spp, half) for half in "ab"]
+            halves = [render_half(worker, scene, f"{spp} spp, half {half},", spp // 2, spp, half) for half in "ab"]
             frame.write_frame(folder, spp, *halves)
             say(f"{scene.name}: {spp} spp written")
         if reference:
-            spp = reference_spp // 2
-            halves = [render_half(worker, scene, f"reference {half}", spp, "reference", half) for half in "ab"]
-            frame.write_reference(folder, *(half["color"] for half in halves))
+            frame.write_reference(folder, *render_reference(worker, scene, reference_spp // 2, folder, options.size))
+            partial_reference(folder).unlink(missing_ok=True)
             say(f"{scene.name}: reference written")
+
+
+def render_reference(worker, scene, spp, folder, size):
+    """Radiance of both halves of the reference, (height, width, 3), from `spp` samples each. Sums of the passes are kept
+    in the scene's folder, so that an interrupted reference goes on where it was."""
+    kept, begin = partial_reference(folder), time.perf_counter()
+    done, sums = 0, np.zeros((2, size[1], size[0], 3))
+    if kept.is_file():
+        with np.load(kept) as found:
+            if found["sums"].shape == sums.shape and found["done"] < spp:
+                done, sums = int(found["done"]), found["sums"]
+    before = done
+    while done < spp:
+        samples = min(PASS_SPP[scene.renderer], spp - done)
+        for index, half in enumerate("ab"):
+            sums[index] += samples * worker.submit(render_pass, samples, seed_of(scene.name, "reference", half, done)).result()["color"]
+        done += samples
+        frame.replace(kept, lambda path: np.savez(path, done=done, sums=sums))
+        progress(scene, "reference, halves of", done, spp, before, begin)
+    return sums / spp
+
+
+def partial_reference(folder):
+    return folder / ".reference.npz"
 
 
 def render_half(worker, scene, label, spp, *key):
@@ -78,9 +102,15 @@ def render_half(worker, scene, label, spp, *key):
         for role, planes in buffers.items():
             total[role] = total.get(role, 0.0) + samples * planes
         done += samples
-        seconds = time.perf_counter() - begin
-        say(f"{scene.name}: {label}, {done} of {spp} samples, {seconds:.0f} s, {seconds / done * (spp - done):.0f} s left")
+        progress(scene, label, done, spp, 0, begin)
     return {role: planes / spp for role, planes in total.items()}
+
+
+def progress(scene, label, done, spp, before, begin):
+    """A line: samples done of all, seconds since `begin`, when `before` samples were done, and seconds left."""
+    seconds = time.perf_counter() - begin
+    left = seconds / (done - before) * (spp - done)
+    say(f"{scene.name}: {label} {done} of {spp} samples, {seconds:.0f} s, {left:.0f} s left")
 
 
 def seed_of(*key):

@@ -1,7 +1,6 @@
 """Denoises frames with OIDN and writes them: half floats, ZIP, whole or not at all."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 
@@ -48,10 +47,7 @@ def write_reference(folder, a, b):
 
 
 def write(path, roles):
-    """Writes planes of shape (height, width, channels) under the names of `CHANNELS`.
-
-    The file appears under its name when it is whole: it is written beside it and renamed.
-    """
+    """Writes planes of shape (height, width, channels) under the names of `CHANNELS`."""
     import OpenEXR
 
     channels = {}
@@ -59,10 +55,15 @@ def write(path, roles):
         for index, name in enumerate(CHANNELS[role]):
             channels[name] = np.ascontiguousarray(np.clip(planes[..., index], -HALF_MAX, HALF_MAX), dtype=np.float16)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    unfinished = Path(path).with_name(f".{Path(path).name}.{os.getpid()}.part.exr")
+    replace(path, lambda unfinished: OpenEXR.File(header, channels).write(str(unfinished)))
+
+
+def replace(path, write):
+    """Lets `write` fill a file beside `path` and gives it that name when it is whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
-        OpenEXR.File(header, channels).write(str(unfinished))
+        write(unfinished)
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)

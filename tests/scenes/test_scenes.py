@@ -82,6 +82,7 @@ class Rendering(unittest.TestCase):
         with (
             tempfile.TemporaryDirectory() as root,
             mock.patch.object(command, "render_half", half),
+            mock.patch.object(command, "render_reference", lambda *given: calls.append(given[1:3]) or np.zeros((2, 16, 16, 3))),
             mock.patch.object(command, "ProcessPoolExecutor", mock.MagicMock()),
             mock.patch.object(frame, "denoised", lambda given: given["color"]),
             contextlib.redirect_stdout(io.StringIO()) as said,
@@ -90,10 +91,37 @@ class Rendering(unittest.TestCase):
             self.assertEqual(command.main([*arguments, "--reference-spp", "0"]), 0)
             self.assertEqual(calls, [("leaves", spp // 2, spp, half) for spp in (4, 16) for half in "ab"])
             self.assertEqual(command.main([*arguments, "--reference-spp", "32"]), 0)
-            self.assertEqual(calls[4:], [("leaves", 16, "reference", half) for half in "ab"])
+            self.assertEqual(calls[4:], [(catalogue.SCENES["leaves"], 16)])
             self.assertEqual(command.main(arguments), 0)
-            self.assertEqual(len(calls), 6)
+            self.assertEqual(len(calls), 5)
             self.assertIn("nothing lacking", said.getvalue())
+
+    def test_an_interrupted_reference_goes_on_where_it_was(self):
+        """Also checks that its samples weigh the same whatever pass they came in: 40 samples are 16, 16 and 8."""
+        scene, seeds = catalogue.SCENES["leaves"], []
+
+        def worker(fails_at):
+            def submit(_, samples, seed):
+                seeds.append(seed)
+                if len(seeds) == fails_at:
+                    raise KeyboardInterrupt
+                value = np.random.default_rng(seed).uniform(0, 1, (4, 6, 3)) / samples
+                return mock.Mock(result=lambda: {"color": value})
+
+            return mock.Mock(submit=submit)
+
+        with tempfile.TemporaryDirectory() as root, contextlib.redirect_stdout(io.StringIO()):
+            whole = command.render_reference(worker(None), scene, 40, Path(root) / "whole", (6, 4))
+            all_seeds = seeds.copy()
+            seeds.clear()
+            with self.assertRaises(KeyboardInterrupt):
+                command.render_reference(worker(4), scene, 40, Path(root) / "cut", (6, 4))
+            seeds.clear()
+            cut = command.render_reference(worker(None), scene, 40, Path(root) / "cut", (6, 4))
+        self.assertEqual(seeds, all_seeds[2:], "the first pass of both halves was kept, the half-finished one not")
+        np.testing.assert_array_equal(cut, whole)
+        values = [np.random.default_rng(seed).uniform(0, 1, (4, 6, 3)) for seed in all_seeds[::2]]
+        np.testing.assert_allclose(cut[0], sum(values) / 40)
 
     def test_seeds_differ_between_all_passes_of_all_scenes(self):
         keys = [(name, kind, half, done) for name in catalogue.SCENES for kind in (4, 16, 64, 256, "reference") for half in "ab" for done in range(0, 512, 16)]
