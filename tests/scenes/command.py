@@ -1,20 +1,17 @@
 """The command: which frames are lacking, who renders them, and progress."""
 
 import argparse
-import importlib
-import multiprocessing
-import os
 import signal
 import sys
 import time
 import zlib
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from . import frame
 from .catalogue import SCENES
+from .worker import Failed, Worker
 
 DESCRIPTION = """\
 Renders the scenes of tests/scenes (geometry and textures are code; nothing is downloaded) with Mitsuba 3 and Blender
@@ -45,20 +42,21 @@ def main(arguments=None):
     except KeyboardInterrupt:
         say("interrupted: finished files are kept")
         return 130
+    except Failed as why:
+        print(f"render: {why}", file=sys.stderr)
+        return 4
     return 0
 
 
 def render_scene(scene, options):
-    """Renders what is lacking of one scene, in a process of its own: renderers do not share one well."""
+    """Renders what is lacking of one scene."""
     folder = options.output / scene.name
     lacking = [spp for spp in options.spp if not frame.has_frame(folder, spp)]
     reference_spp = scene.reference_spp if options.reference_spp is None else options.reference_spp
     reference = reference_spp > 0 and not (folder / "ref.exr").is_file()
     if not lacking and not reference:
         return say(f"{scene.name}: nothing lacking")
-    context = multiprocessing.get_context("spawn")
-    start = (scene.renderer, scene.name, options.size, scene.depth, options.threads)
-    with ProcessPoolExecutor(1, mp_context=context, initializer=prepare, initargs=start) as worker:
+    with Worker(scene.renderer, scene.name, options.size, scene.depth, options.threads) as worker:
         for spp in lacking:
             halves = [render_half(worker, scene, f"{spp} spp, half {half},", spp // 2, spp, half) for half in "ab"]
             frame.write_frame(folder, spp, *halves)
@@ -82,7 +80,7 @@ def render_reference(worker, scene, spp, folder, size):
     while done < spp:
         samples = min(PASS_SPP[scene.renderer], spp - done)
         for index, half in enumerate("ab"):
-            sums[index] += samples * worker.submit(render_pass, samples, seed_of(scene.name, "reference", half, done)).result()["color"]
+            sums[index] += samples * worker.render(samples, seed_of(scene.name, "reference", half, done))["color"]
         done += samples
         frame.replace(kept, lambda path: np.savez(path, done=done, sums=sums))
         progress(scene, "reference, halves of", done, spp, before, begin)
@@ -98,7 +96,7 @@ def render_half(worker, scene, label, spp, *key):
     begin, total, done = time.perf_counter(), {}, 0
     while done < spp:
         samples = min(PASS_SPP[scene.renderer], spp - done)
-        buffers = worker.submit(render_pass, samples, seed_of(scene.name, *key, done)).result()
+        buffers = worker.render(samples, seed_of(scene.name, *key, done))
         for role, planes in buffers.items():
             total[role] = total.get(role, 0.0) + samples * planes
         done += samples
@@ -116,24 +114,6 @@ def progress(scene, label, done, spp, before, begin):
 def seed_of(*key):
     """A seed for these words, the same in every run; never that of another half, pass or sample count but by rare chance."""
     return zlib.crc32(repr(key).encode()) & 0x7FFFFFFF
-
-
-# The renderer of a worker process, and the scene it holds.
-_renderer = None
-
-
-def prepare(renderer, scene, size, depth, threads):
-    """Starts a worker process: imports its renderer and builds the scene."""
-    global _renderer
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Blender tells standard output about every pass and file; errors go to the other one.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    module = importlib.import_module(f"scenes.{renderer}_renderer")
-    _renderer = module.Renderer(scene, size, depth, threads)
-
-
-def render_pass(spp, seed):
-    return _renderer.render(spp, seed)
 
 
 def command_line():

@@ -11,7 +11,7 @@ import numpy as np
 import OpenEXR
 
 from benchlib import frames
-from scenes import catalogue, command, frame, shapes, textures
+from scenes import catalogue, command, frame, shapes, textures, worker
 
 # Half floats keep 11 bits: values are rounded by half a unit in the last of them.
 HALF_ROUNDING = 2.0**-11
@@ -75,7 +75,7 @@ class Rendering(unittest.TestCase):
     def test_what_is_there_is_not_rendered_again(self):
         calls = []
 
-        def half(worker, scene, label, spp, *key):
+        def half(_, scene, label, spp, *key):
             calls.append((scene.name, spp, *key))
             return buffers(len(calls))
 
@@ -83,7 +83,7 @@ class Rendering(unittest.TestCase):
             tempfile.TemporaryDirectory() as root,
             mock.patch.object(command, "render_half", half),
             mock.patch.object(command, "render_reference", lambda *given: calls.append(given[1:3]) or np.zeros((2, 16, 16, 3))),
-            mock.patch.object(command, "ProcessPoolExecutor", mock.MagicMock()),
+            mock.patch.object(command, "Worker", mock.MagicMock()),
             mock.patch.object(frame, "denoised", lambda given: given["color"]),
             contextlib.redirect_stdout(io.StringIO()) as said,
         ):
@@ -100,24 +100,23 @@ class Rendering(unittest.TestCase):
         """Also checks that its samples weigh the same whatever pass they came in: 40 samples are 16, 16 and 8."""
         scene, seeds = catalogue.SCENES["leaves"], []
 
-        def worker(fails_at):
-            def submit(_, samples, seed):
+        def failing(fails_at):
+            def render(samples, seed):
                 seeds.append(seed)
                 if len(seeds) == fails_at:
                     raise KeyboardInterrupt
-                value = np.random.default_rng(seed).uniform(0, 1, (4, 6, 3)) / samples
-                return mock.Mock(result=lambda: {"color": value})
+                return {"color": np.random.default_rng(seed).uniform(0, 1, (4, 6, 3)) / samples}
 
-            return mock.Mock(submit=submit)
+            return mock.Mock(render=render)
 
         with tempfile.TemporaryDirectory() as root, contextlib.redirect_stdout(io.StringIO()):
-            whole = command.render_reference(worker(None), scene, 40, Path(root) / "whole", (6, 4))
+            whole = command.render_reference(failing(None), scene, 40, Path(root) / "whole", (6, 4))
             all_seeds = seeds.copy()
             seeds.clear()
             with self.assertRaises(KeyboardInterrupt):
-                command.render_reference(worker(4), scene, 40, Path(root) / "cut", (6, 4))
+                command.render_reference(failing(4), scene, 40, Path(root) / "cut", (6, 4))
             seeds.clear()
-            cut = command.render_reference(worker(None), scene, 40, Path(root) / "cut", (6, 4))
+            cut = command.render_reference(failing(None), scene, 40, Path(root) / "cut", (6, 4))
         self.assertEqual(seeds, all_seeds[2:], "the first pass of both halves was kept, the half-finished one not")
         np.testing.assert_array_equal(cut, whole)
         values = [np.random.default_rng(seed).uniform(0, 1, (4, 6, 3)) for seed in all_seeds[::2]]
@@ -126,6 +125,14 @@ class Rendering(unittest.TestCase):
     def test_seeds_differ_between_all_passes_of_all_scenes(self):
         keys = [(name, kind, half, done) for name in catalogue.SCENES for kind in (4, 16, 64, 256, "reference") for half in "ab" for done in range(0, 512, 16)]
         self.assertEqual(len({command.seed_of(*key) for key in keys}), len(keys))
+
+
+class Workers(unittest.TestCase):
+    def test_a_renderer_that_cannot_start_is_an_error_with_its_reason(self):
+        with worker.Worker("no_such", "leaves", (4, 4), 2, 1) as started, self.assertRaisesRegex(worker.Failed, "no_such_renderer"):
+            started.render(1, 1)
+        self.assertFalse(started.process.is_alive())
+        self.assertFalse(Path(started.scratch.name).exists())
 
 
 class Descriptions(unittest.TestCase):
