@@ -28,15 +28,19 @@ interrupted (what was measured is kept)."""
 
 def main(arguments=None):
     options = command_line().parse_args(arguments)
-    render_seconds = dict(options.render_seconds)
+    try:
+        known = frames.render_seconds(options.frames) if options.frames else {}
+    except ValueError as why:
+        fail(str(why))
     programs = find_programs(options)
     if options.pin:
         os.sched_setaffinity(0, options.pin)
     found = frames.sample(REPOSITORY) + (frames.find(options.frames) if options.frames else [])
     found = [frame for frame in found if any(fnmatchcase(frame.name, glob) for glob in options.only)]
-    for name in set(render_seconds) - {frame.name for frame in found}:
+    for name in set(dict(options.render_seconds)) - {frame.name for frame in found}:
         print(f"bench: --render-seconds: no frame {name} is measured", file=sys.stderr)
     with tempfile.TemporaryDirectory(prefix="sspc-bench-") as scratch:
+        options.render_seconds = [*known.items(), *options.render_seconds]  # what the command line says comes last and wins
         measure = ablate if options.ablations else compare
         return measure(found, programs, options, arguments, Path(scratch))
 
@@ -152,7 +156,7 @@ def command_line():
     parser.add_argument("--threads", type=positive, metavar="N", help="threads a run may use (default: one a usable core)")
     parser.add_argument("--pin", type=numbers, metavar="0,1", help="cores to run on (Linux)")
     parser.add_argument("--render-seconds", type=seconds_of, action="append", default=[], metavar="FRAME=SECONDS",
-                        help="render time of a frame, for equal-time figures; repeatable")
+                        help="render time of a frame, for equal-time figures; repeatable. Folders may tell theirs: tests/benchlib/frames.py")
     parser.add_argument("--steps", type=positive, metavar="N", help="a trial: N steps a fit (PyTorch: one epoch); goals are not judged")
     parser.add_argument("--timeout", type=positive, default=3600, metavar="SECONDS", help="a run that lasts longer failed (default 3600)")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="keep every run's pictures and reports in this folder")

@@ -102,7 +102,7 @@ NOTE = (
     "How many times the samples it would take to reach a column's error without it: first the denoiser, then, in brackets, the noisy picture "
     "(relL2 falls with 1 / samples). The denoiser's is read off straight lines in log-log through the sample counts of the scene; ~ : with the "
     "median slope of other scenes. Second line: the seconds for one sample per pixel of the whole frame above which the correction is cheaper "
-    "than the denoiser with more samples; render times of these frames are not known."
+    "than the denoiser with more samples; where render times are known, a table of equal times follows."
 )
 
 

@@ -5,15 +5,18 @@
     SCENE/{P.}VARIANT.denoised{-a,-b,}.exr      another denoising of the same halves: a frame of its own here
     SCENE/{P.}ref.exr, else SCENE/ref.exr       the reference; without one a frame is only timed
     SCENE/{a,b,denoised,ref}.NNNN.exr           the frames of a shot
+    SCENE/render-seconds.json                   render times for equal-time figures: {"P": seconds, "NNNN": seconds}
 
 P is usually the sample count, "64spp".
 """
 
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 SAMPLE = "sample"
+RENDER_SECONDS = "render-seconds.json"
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,20 @@ def find(root):
     """Frames of every folder in `root`, in a stable order."""
     folders = sorted(path for path in Path(root).iterdir() if path.is_dir())
     return [frame for folder in folders for frame in in_folder(folder, folder.name)]
+
+
+def render_seconds(root):
+    """Render times by frame name, from every folder's render-seconds.json: {"64spp": 41.5, "1001": 12}, the names without the folder's.
+
+    Raises ValueError where a file holds something else.
+    """
+    found = {}
+    for path in sorted(Path(root).glob(f"*/{RENDER_SECONDS}")):
+        times = json.loads(path.read_text())
+        if not isinstance(times, dict) or not all(isinstance(t, (int, float)) and t > 0 for t in times.values()):
+            raise ValueError(f"{path.parent.name}/{RENDER_SECONDS}: expected frame names with seconds above 0")
+        found |= {f"{path.parent.name}/{name}" if name else path.parent.name: float(t) for name, t in times.items()}
+    return found
 
 
 def in_folder(folder, scene):

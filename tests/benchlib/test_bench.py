@@ -48,6 +48,17 @@ def frame(name, shot=None, variant=None, spp=None):
 
 
 class Frames(unittest.TestCase):
+    def test_render_times_of_folders(self):
+        with tempfile.TemporaryDirectory() as root:
+            for scene, text in (("stairs", '{"16spp": 20, "64spp": 80.5}'), ("fur", '{"": 9}')):
+                Path(root, scene).mkdir()
+                Path(root, scene, "render-seconds.json").write_text(text)
+            self.assertEqual(frames.render_seconds(root), {"fur": 9.0, "stairs/16spp": 20.0, "stairs/64spp": 80.5})
+            for text in ('{"16spp": 0}', "[1]", '{"16spp": "long"}', "{"):
+                Path(root, "fur", "render-seconds.json").write_text(text)
+                with self.assertRaises(ValueError):
+                    frames.render_seconds(root)
+
     def test_file_names(self):
         with tempfile.TemporaryDirectory() as root:
             for name in (
