@@ -31,7 +31,7 @@ const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(estimate::BLOCK) && ROWS_AT_ON
 pub struct Finished {
     /// What is added to the denoiser's picture, in the method's units, `[3, H, W]`.
     pub correction: Image,
-    /// Share of the correction that was kept, 0..1, `[1, H, W]`.
+    /// Share of the correction that was used, strength included, 0..1, `[1, H, W]`.
     pub share: Image,
     /// Mean of both halves, corrected as far as they judge each other, in the method's units,
     /// `[3, H, W]`: the picture that `estimate` is of.
@@ -86,7 +86,7 @@ pub fn judged_rows(composition: Composition, rows: &Range<usize>, height: usize)
 pub struct Part {
     /// Share times correction of the band's rows, in the method's units, `[3, rows, W]`.
     pub correction: Image,
-    /// Share of the correction that was kept, 0..1, `[1, rows, W]`.
+    /// Share of the correction that was used, strength included, 0..1, `[1, rows, W]`.
     pub share: Image,
     /// As [`Finished::halves`], the band's rows.
     pub halves: Image,
@@ -153,7 +153,40 @@ impl Tally {
     }
 }
 
-/// Corrects both halves with their activated parameters `[P, H, W]` and finishes the picture.
+/// How a picture is finished.
+#[derive(Clone, Copy, Debug)]
+pub struct Finish<'a> {
+    pub isa: Isa,
+    pub form: Form,
+    pub taps: &'a Taps,
+    pub composition: Composition,
+    /// Share of the judged correction that is used, 0..1: an artist's choice. At 0 the picture is the
+    /// denoiser's.
+    pub strength: f32,
+}
+
+impl Finish<'_> {
+    /// Corrects both halves and finishes the picture, with parameters that are computed when they are
+    /// needed and forgotten again: `parameters(h, rows)` gives some rows of half `h`'s, activated,
+    /// `[P, rows, W]`.
+    pub fn picture(&self, prepared: &Prepared, parameters: impl Fn(usize, Range<usize>) -> Image) -> Finished {
+        let work = Work { how: *self, prepared, step: ROWS_AT_ONCE };
+        let part = work.finish(&|h, rows| Cow::Owned(parameters(h, rows)), 0..prepared.height());
+        finished(part, self.composition, prepared)
+    }
+
+    /// The same for some rows of a picture, or of a band of it that has [`margin`] rows above and below
+    /// them wherever the picture has, with all parameters `[P, H, W]` given. Rows and band start at
+    /// multiples of [`estimate::BLOCK`], so that a band's blocks are the picture's.
+    pub fn rows(&self, prepared: &Prepared, parameters: [&Image; 2], rows: Range<usize>) -> Part {
+        let work = Work { how: *self, prepared, step: prepared.height() };
+        // All rows are asked for at once.
+        work.finish(&|h, _| Cow::Borrowed(parameters[h]), rows)
+    }
+}
+
+/// Finishes a picture whose activated parameters `[P, H, W]` are all there, at full strength; the same
+/// bits as [`Finish::picture`].
 pub fn finish(
     isa: Isa,
     form: Form,
@@ -162,23 +195,8 @@ pub fn finish(
     prepared: &Prepared,
     parameters: [&Image; 2],
 ) -> Finished {
-    let rows = 0..prepared.height();
-    finished(finish_rows(isa, form, taps, composition, prepared, parameters, rows), composition, prepared)
-}
-
-/// The same, bit for bit, with parameters that are computed when they are needed and forgotten again:
-/// `parameters(h, rows)` gives some rows of half `h`'s, `[P, rows, W]`.
-pub fn finish_by(
-    isa: Isa,
-    form: Form,
-    taps: &Taps,
-    composition: Composition,
-    prepared: &Prepared,
-    parameters: impl Fn(usize, Range<usize>) -> Image,
-) -> Finished {
-    let work = Work { isa, form, taps, composition, prepared, step: ROWS_AT_ONCE };
-    let part = work.finish(&|h, rows| Cow::Owned(parameters(h, rows)), 0..prepared.height());
-    finished(part, composition, prepared)
+    let how = Finish { isa, form, taps, composition, strength: 1.0 };
+    finished(how.rows(prepared, parameters, 0..prepared.height()), composition, prepared)
 }
 
 fn finished(part: Part, composition: Composition, prepared: &Prepared) -> Finished {
@@ -192,29 +210,9 @@ fn finished(part: Part, composition: Composition, prepared: &Prepared) -> Finish
     Finished { correction, share, halves, loss, estimate, fallback }
 }
 
-/// The same for some rows of a picture, or of a band of it that has [`margin`] rows above and below
-/// them wherever the picture has. Rows and band start at multiples of [`estimate::BLOCK`], so that a
-/// band's blocks are the picture's.
-pub fn finish_rows(
-    isa: Isa,
-    form: Form,
-    taps: &Taps,
-    composition: Composition,
-    prepared: &Prepared,
-    parameters: [&Image; 2],
-    rows: Range<usize>,
-) -> Part {
-    let work = Work { isa, form, taps, composition, prepared, step: prepared.height() };
-    // All rows are asked for at once.
-    work.finish(&|h, _| Cow::Borrowed(parameters[h]), rows)
-}
-
-/// How a picture is finished.
+/// A picture being finished.
 struct Work<'a> {
-    isa: Isa,
-    form: Form,
-    taps: &'a Taps,
-    composition: Composition,
+    how: Finish<'a>,
     prepared: &'a Prepared,
     /// Rows that g_c takes at a time.
     step: usize,
@@ -230,10 +228,11 @@ struct Corrections {
 impl<'a> Work<'a> {
     fn finish(&self, parameters: &dyn Fn(usize, Range<usize>) -> Cow<'a, Image>, rows: Range<usize>) -> Part {
         let Corrections { mut halves, mut picture } = self.correct(parameters, &rows);
-        let share = match self.composition {
+        let mut share = match self.how.composition {
             Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
             Composition::JudgedFullBuffer => Evidence::of(self.prepared, &halves).share(),
         };
+        share.for_each_row(|_, _, row| row.iter_mut().for_each(|s| *s *= self.how.strength));
         let mut tally = Tally::default();
         // The results take the place of what they are made of.
         for top in rows.clone().step_by(ROWS_AT_ONCE) {
@@ -255,7 +254,7 @@ impl<'a> Work<'a> {
 
     /// Corrects what `rows` depend on.
     fn correct(&self, parameters: &dyn Fn(usize, Range<usize>) -> Cow<'a, Image>, rows: &Range<usize>) -> Corrections {
-        let Self { prepared, composition, .. } = *self;
+        let (prepared, composition) = (self.prepared, self.how.composition);
         let height = prepared.height();
         let judged = prepared.plan.within_rows(judged_rows(composition, rows, height));
         let finished = prepared.plan.within_rows(rows.clone());
@@ -283,7 +282,7 @@ impl<'a> Work<'a> {
 
     /// g_c of some rows of half `h`, `[3, rows, W]`.
     fn band(&self, h: usize, buffer: Buffer, parameters: &Image, plan: &Plan, rows: &Range<usize>) -> Image {
-        let Self { isa, form, taps, prepared, .. } = *self;
+        let Self { how: Finish { isa, form, taps, .. }, prepared, .. } = *self;
         let size = (prepared.height(), prepared.width());
         let fill = |c: usize, y: usize, row: &mut [f32]| prepared.feature_row(h, buffer, c, y, row);
         let valid = prepared.valid.as_ref();

@@ -2,7 +2,7 @@
 
 use sspc_core::corrector::parameters;
 use sspc_core::estimate::BLOCK;
-use sspc_core::finish::{Composition, Tally, finish, finish_rows, margin};
+use sspc_core::finish::{Composition, Finish, Tally, finish, margin};
 use sspc_core::frame::{Frame, HalfBuffer};
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
@@ -57,7 +57,8 @@ fn bands_give_the_same_picture_and_the_same_figures() {
             let rows = frame.rows(first, (bottom + around).min(height) - first);
             let band = Prepared::by_survey(&rows, survey);
             let [a, b] = planes(&band);
-            let part = finish_rows(isa, form, &taps, composition, &band, [&a, &b], top - first..bottom - first);
+            let how = Finish { isa, form, taps: &taps, composition, strength: 1.0 };
+            let part = how.rows(&band, [&a, &b], top - first..bottom - first);
             tally.append(part.tally);
             corrections.push((top, part.correction));
         }

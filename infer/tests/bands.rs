@@ -7,6 +7,7 @@ use common::assert_close;
 use sspc_core::corrector::parameters;
 use sspc_core::finish::{Composition, finish, picture};
 use sspc_core::gc::Taps;
+use sspc_core::image::Image;
 use sspc_core::io::{FrameFiles, RoleOverrides, read_frame};
 use sspc_core::network::{Network, start};
 use sspc_core::parameters::Form;
@@ -14,7 +15,7 @@ use sspc_core::prepare::{Prepared, Survey};
 use sspc_core::rng::Rng;
 use sspc_core::simd::Isa;
 use sspc_infer::engine::{Engine, Kernels};
-use sspc_infer::run::correct::{CorrectError, correct};
+use sspc_infer::run::correct::{CorrectError, Options, correct};
 use sspc_infer::run::report::Seconds;
 use sspc_onnx::{Contract, Model};
 use std::path::PathBuf;
@@ -28,6 +29,10 @@ fn sample() -> sspc_core::frame::Frame {
     read_frame(&files, &RoleOverrides::none()).unwrap()
 }
 
+fn bands(rows: usize) -> Options {
+    Options { rows: Some(rows), ..Options::default() }
+}
+
 fn engine() -> Engine {
     let contract = Contract::new(Form::Gated);
     let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
@@ -38,7 +43,7 @@ fn engine() -> Engine {
 fn bands_do_not_show() {
     let (mut frame, engine) = (sample(), engine());
     frame.a.radiance.set(1, 50, 60, f32::NAN);
-    let run = |rows| correct(&engine, Isa::best(), &frame, Some(rows), &mut Seconds::default(), &|| false).unwrap();
+    let run = |rows| correct(&engine, Isa::best(), &frame, bands(rows), &mut Seconds::default(), &|| false).unwrap();
     let whole = run(1000);
     assert!(whole.fallback.is_none(), "a fallback would leave nothing to compare");
     for rows in [16, 48, 100] {
@@ -67,7 +72,7 @@ fn an_unjudged_picture_is_computed_everywhere() {
     let network = Network { shape, weights: start::analytic(shape, 1.0, &mut Rng::new(1)).weights };
     let model = Model::new(contract.clone(), network.weights.clone()).unwrap();
     let engine = Engine::new(model, Kernels::Fused(isa), 50);
-    let found = correct(&engine, isa, &frame, Some(48), &mut Seconds::default(), &|| false).unwrap();
+    let found = correct(&engine, isa, &frame, bands(48), &mut Seconds::default(), &|| false).unwrap();
     assert_eq!(found.active_share, 1.0);
     let survey = Survey::of(&frame, exposure).with_features_of(contract.features);
     let prepared = Prepared::by_survey(&frame, survey).without_skips(survey);
@@ -79,12 +84,34 @@ fn an_unjudged_picture_is_computed_everywhere() {
 
     // Nothing at all to correct.
     frame.b.radiance = frame.a.radiance.clone();
-    let found = correct(&engine, isa, &frame, Some(48), &mut Seconds::default(), &|| false).unwrap();
+    let found = correct(&engine, isa, &frame, bands(48), &mut Seconds::default(), &|| false).unwrap();
     assert_eq!(found.active_share, 0.0);
+}
+
+/// Fails when strength is applied to anything but the judged correction, or the estimate is not of the picture.
+#[test]
+fn strength_leads_from_the_denoisers_picture_to_the_whole_correction() {
+    let (frame, engine) = (sample(), engine());
+    let run = |strength| {
+        let options = Options { strength, ..Options::default() };
+        correct(&engine, Isa::best(), &frame, options, &mut Seconds::default(), &|| false).unwrap()
+    };
+    let [none, half, whole] = [0.0, 0.5, 1.0].map(run);
+    let denoised = Image::mean_of(&frame.a.denoised, &frame.b.denoised);
+    assert!(none.picture == denoised, "at 0 another picture than the denoiser's");
+    let middle = Image::mean_of(&denoised, &whole.picture);
+    for ((found, expected), whole) in half.picture.data().iter().zip(middle.data()).zip(whole.picture.data()) {
+        // A correction that would go below 0 ends there.
+        assert!(*whole == 0.0 || f64::from(found - expected).abs() <= TOLERANCE * f64::from(expected.max(1.0)));
+    }
+    assert!(half.fallback.is_none() && (half.mean_share - 0.5 * whole.mean_share).abs() < TOLERANCE);
+    let [none, half, whole] = [none, half, whole].map(|run| run.estimate);
+    assert_eq!(none.corrected, none.denoised);
+    assert!(whole.corrected.value < half.corrected.value && half.corrected.value < none.corrected.value);
 }
 
 #[test]
 fn a_request_to_stop_is_heard() {
-    let stopped = correct(&engine(), Isa::best(), &sample(), None, &mut Seconds::default(), &|| true);
+    let stopped = correct(&engine(), Isa::best(), &sample(), Options::default(), &mut Seconds::default(), &|| true);
     assert!(matches!(stopped, Err(CorrectError::Interrupted)));
 }

@@ -15,7 +15,7 @@ use sspc_core::rng::Rng;
 use sspc_core::simd::Isa;
 use sspc_core::survey::{Exposure, Survey};
 use sspc_infer::engine::{Engine, Kernels};
-use sspc_infer::run::correct::{BYTES_PER_PIXEL, correct_rows};
+use sspc_infer::run::correct::{BYTES_PER_PIXEL, Options, correct_rows};
 use sspc_infer::run::report::Seconds;
 use sspc_infer::run::source::Surveyed;
 use sspc_onnx::{Contract, Model};
@@ -23,6 +23,7 @@ use std::path::Path;
 
 const WIDTH: usize = 128;
 const BAND: usize = 64;
+const OPTIONS: Options = Options { rows: Some(BAND), strength: 1.0 };
 /// Rows around a band: networks, windows and judgement.
 const AROUND: usize = 2 * 48;
 /// The corrected picture, and the brightness of every pixel while the frame is looked over, of which one is gone
@@ -67,7 +68,7 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
             let frame = Surveyed::in_bands(open, Exposure::Normalised).expect("readable");
             let seconds = &mut Seconds::default();
             let (rows, survey) = (&*frame.rows, frame.survey);
-            correct_rows(&engine, Isa::best(), rows, survey, Some(BAND), seconds, &|| false).expect("corrected")
+            correct_rows(&engine, Isa::best(), rows, survey, OPTIONS, seconds, &|| false).expect("corrected")
         })
     };
     // Once without looking: threads and tract's plan stay.
@@ -82,7 +83,6 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
     let held = read_frame(&files[0], &RoleOverrides::none()).expect("frame");
     let survey = Survey::of(&held, Exposure::Normalised);
     assert_eq!(small.survey, survey);
-    let rows = Some(BAND);
-    let whole = correct_rows(&engine, Isa::best(), &held, survey, rows, &mut Seconds::default(), &|| false);
+    let whole = correct_rows(&engine, Isa::best(), &held, survey, OPTIONS, &mut Seconds::default(), &|| false);
     assert!(whole.expect("corrected").picture == small.picture, "another picture");
 }

@@ -84,6 +84,9 @@ pub struct FitArgs {
     /// End training after this many seconds.
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds)]
     pub time_limit: Option<f64>,
+    /// Share of the correction that is added to the denoiser's picture: 0 gives the denoiser's, 1 the whole correction.
+    #[arg(long, value_name = "0..1", default_value_t = 1.0, value_parser = share)]
+    pub strength: f32,
     /// Burn backend.
     #[arg(long, value_enum, default_value_t = Backend::Flex)]
     pub backend: Backend,
@@ -120,6 +123,13 @@ pub struct ExportArgs {
     pub output: PathBuf,
     #[arg(long, value_enum, default_value_t = Graph::Network)]
     pub graph: Graph,
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err(format!("'{text}' is not a number from 0 to 1")),
+    }
 }
 
 fn positive_seconds(text: &str) -> Result<f64, String> {

@@ -14,7 +14,7 @@ use crate::start::starting_network;
 use crate::write::{check_outputs, write_outputs};
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::fill;
-use sspc_core::finish::{Finished, finish_by, unfilled_picture};
+use sspc_core::finish::{Finish, Finished, unfilled_picture};
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
 use sspc_core::io::RoleOverrides;
@@ -66,7 +66,7 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
     let results: Vec<Outcome> = inputs
         .iter()
         .zip(prepared)
-        .map(|(input, prepared)| correct_frame(isa, &settings, &fitted.network, input, prepared))
+        .map(|(input, prepared)| correct_frame(isa, args.strength, &settings, &fitted.network, input, prepared))
         .collect();
     let seconds = Seconds {
         read: read_seconds,
@@ -95,16 +95,24 @@ pub struct Outcome {
     pub estimate: Estimate,
     /// Why the output is the denoiser's everywhere, if it is.
     pub fallback: Option<String>,
-    /// Mean share of the correction that local judgement kept, 0..1.
+    /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.
     pub mean_share: f64,
     pub rel_l2: Option<RelL2>,
 }
 
 /// Corrects a frame, whose features are gone before the picture is made.
-fn correct_frame(isa: Isa, settings: &Settings, network: &Network, input: &Input, prepared: Prepared) -> Outcome {
+fn correct_frame(
+    isa: Isa,
+    strength: f32,
+    settings: &Settings,
+    network: &Network,
+    input: &Input,
+    prepared: Prepared,
+) -> Outcome {
     let (taps, network) = (Taps::square(settings.radius), WindowNetwork::new(isa, settings.form, network));
     let parameters = |h: usize, rows| network.run_rows(&prepared.halves[h], &prepared.plan, rows);
-    let finished = finish_by(isa, settings.form, &taps, settings.composition, &prepared, parameters);
+    let (form, composition) = (settings.form, settings.composition);
+    let finished = Finish { isa, form, taps: &taps, composition, strength }.picture(&prepared, parameters);
     let (exposure, missing) = (prepared.exposure, prepared.valid.is_some());
     drop(prepared);
     let Finished { correction, share, mut halves, loss, estimate, fallback } = finished;
@@ -143,6 +151,7 @@ fn report(
         height: input.denoised.height(),
         exposure: input.survey.exposure,
         composition: settings.composition,
+        strength: args.strength,
         steps: fitted.history.len(),
         steps_dropped: fitted.dropped,
         end: fitted.end,

@@ -158,6 +158,8 @@ pub struct Report {
     pub height: usize,
     pub exposure: f32,
     pub composition: Composition,
+    /// Share of the judged correction that was asked for, 0..1.
+    pub strength: f32,
     pub steps: usize,
     pub steps_dropped: usize,
     pub end: End,
@@ -168,7 +170,7 @@ pub struct Report {
     /// Why the output is the denoiser's, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<String>,
-    /// Mean share of the correction that local judgement kept, 0..1.
+    /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.
     pub mean_share: f64,
     pub seconds: Seconds,
     pub milliseconds_per_step: f64,

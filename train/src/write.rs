@@ -115,6 +115,7 @@ fn provenance(args: &FitArgs, fitted: &Fitted, result: &Outcome) -> Vec<(String,
         ("sspc.preset", args.preset.to_string()),
         ("sspc.seed", args.seed.to_string()),
         ("sspc.steps", fitted.history.len().to_string()),
+        ("sspc.strength", args.strength.to_string()),
         ("sspc.fallback", fallback),
     ]
     .map(|(key, value)| (key.to_string(), value))

@@ -97,6 +97,24 @@ fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
 }
 
 #[test]
+fn strength_0_gives_the_denoisers_picture() {
+    let folder = folder();
+    let picture = |strength: &str| {
+        let out = folder.path().join(strength);
+        let denoised = sample("denoised.exr");
+        let more = ["--denoised", denoised.to_str().expect("UTF-8"), "--strength", strength];
+        assert_success(&fit(&out, &more));
+        assert_eq!(report(&out)["strength"].as_f64(), strength.parse().ok());
+        read_picture(&out.join("corrected.exr"), None).expect("a picture")
+    };
+    let denoised = read_picture(&sample("denoised.exr"), None).expect("a picture");
+    assert!(picture("0") == denoised, "another picture than the denoiser's");
+    assert!(picture("0.5") != denoised, "the denoiser's picture");
+    let output = fit(&folder.path().join("more"), &["--strength", "1.1"]);
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn bad_input_is_one_line_and_leaves_nothing() {
     let folder = folder();
     let text = folder.path().join("text.exr");

@@ -88,6 +88,10 @@ pub struct RunArguments {
     #[arg(short, long)]
     pub verbose: bool,
 
+    /// Share of the correction that is added to the denoiser's picture: 0 gives the denoiser's, 1 the whole correction
+    #[arg(long, value_name = "0..1", default_value_t = 1.0, value_parser = share)]
+    pub strength: f32,
+
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub threads: Option<usize>,
@@ -134,6 +138,13 @@ impl RunArguments {
             (false, true) => Verbosity::Verbose,
             (false, false) => Verbosity::Normal,
         }
+    }
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("expected a number from 0 to 1".to_string()),
     }
 }
 

@@ -10,7 +10,7 @@ use crate::engine::{Engine, PlanError};
 use sspc_core::error::Error;
 use sspc_core::estimate::{BLOCK, Estimate, Losses};
 use sspc_core::fill;
-use sspc_core::finish::{Composition, Part, Tally, Verdict, finish_rows, judged_rows, margin, unfilled_picture};
+use sspc_core::finish::{Composition, Finish, Part, Tally, Verdict, judged_rows, margin, unfilled_picture};
 use sspc_core::frame::Frame;
 use sspc_core::gc::Taps;
 use sspc_core::image::Image;
@@ -40,6 +40,21 @@ pub enum CorrectError {
     Interrupted,
 }
 
+/// What is asked for beside the model and the frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Rows of a band, or as many as fit the memory.
+    pub rows: Option<usize>,
+    /// Share of the judged correction that is used, 0..1.
+    pub strength: f32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { rows: None, strength: 1.0 }
+    }
+}
+
 /// A corrected frame and what was found.
 pub struct Corrected {
     /// In the frame's own units, `[3, H, W]`.
@@ -51,7 +66,7 @@ pub struct Corrected {
     pub estimate: Estimate,
     /// Why the picture is the denoiser's, if it is.
     pub fallback: Option<String>,
-    /// Mean share of the correction that the judge kept, 0..1.
+    /// Mean share of the correction that was used, as the judge and strength have it, 0..1.
     pub mean_share: f64,
     /// Share of the pixels that were computed at all, 0..1.
     pub active_share: f64,
@@ -69,7 +84,7 @@ impl Corrected {
         let outcome = match (&self.fallback, composition) {
             (Some(_), _) => "nothing of its correction was used".to_string(),
             (None, Composition::JudgedFullBuffer) => {
-                format!("{:.0} % of its correction was kept, where it helps", 100.0 * self.mean_share)
+                format!("{:.0} % of its correction was used, where it helps", 100.0 * self.mean_share)
             }
             (None, Composition::MeanOfHalves) => {
                 "the picture is as the model makes it, since it asks for no judgement".to_string()
@@ -89,16 +104,15 @@ pub fn correct(
     engine: &Engine,
     isa: Isa,
     frame: &Frame,
-    rows: Option<usize>,
+    options: Options,
     seconds: &mut Seconds,
     stop: &dyn Fn() -> bool,
 ) -> Result<Corrected, CorrectError> {
     let survey = Survey::of(frame, engine.model().contract.exposure);
-    correct_rows(engine, isa, frame, survey, rows, seconds, stop)
+    correct_rows(engine, isa, frame, survey, options, seconds, stop)
 }
 
-/// Corrects a frame that was looked over. `rows` of a band, or as many as fit the memory. `stop` is asked between the
-/// steps of every band.
+/// Corrects a frame that was looked over. `stop` is asked between the steps of every band.
 ///
 /// # Errors
 /// [`CorrectError`].
@@ -107,7 +121,7 @@ pub fn correct_rows(
     isa: Isa,
     frame: &dyn Rows,
     survey: Survey,
-    rows: Option<usize>,
+    options: Options,
     seconds: &mut Seconds,
     stop: &dyn Fn() -> bool,
 ) -> Result<Corrected, CorrectError> {
@@ -116,12 +130,14 @@ pub fn correct_rows(
     let taps = Taps::square(contract.window_radius);
     let (height, width) = (frame.height(), frame.width());
     let around = (margin(&taps, contract.composition) + contract.shape.radius()).next_multiple_of(BLOCK);
-    let step = rows.unwrap_or_else(|| band_rows(width, around)).next_multiple_of(BLOCK);
+    let step = options.rows.unwrap_or_else(|| band_rows(width, around)).next_multiple_of(BLOCK);
     let bands = || (0..height).step_by(step).map(|top| top..(top + step).min(height));
+    let how =
+        Finish { isa, form: contract.form, taps: &taps, composition: contract.composition, strength: options.strength };
     let mut picture = Image::zeros(3, height, width);
     let (mut tally, mut kept, mut active) = (Tally::default(), 0.0, 0.0);
     for band in bands() {
-        let work = Band { engine, isa, taps: &taps, frame, survey, around, stop };
+        let work = Band { engine, how, frame, survey, around, stop };
         let done = work.correct(band.clone(), seconds)?;
         tally.append(done.part.tally);
         kept += done.part.share.data().iter().map(|&s| f64::from(s)).sum::<f64>();
@@ -172,8 +188,7 @@ fn band_rows(width: usize, around: usize) -> usize {
 /// What every band of a frame is corrected with.
 struct Band<'a> {
     engine: &'a Engine,
-    isa: Isa,
-    taps: &'a Taps,
+    how: Finish<'a>,
     frame: &'a dyn Rows,
     survey: Survey,
     around: usize,
@@ -223,7 +238,7 @@ impl Band<'_> {
         self.go_on()?;
         let begin = Instant::now();
         let both = [&parameters[0], &parameters[1]];
-        let part = finish_rows(self.isa, contract.form, self.taps, contract.composition, &prepared, both, inner);
+        let part = self.how.rows(&prepared, both, inner);
         let picture = picture_rows(&colours, self.survey, &part.correction);
         seconds.finish += begin.elapsed().as_secs_f64();
         Ok(Done { part, picture, active_share: prepared.plan.active_share })

@@ -1,7 +1,7 @@
 //! One frame from file to file.
 
 use super::arguments::RunArguments;
-use super::correct::{CorrectError, Corrected, correct_rows};
+use super::correct::{CorrectError, Corrected, Options, correct_rows};
 use super::jobs::Job;
 use super::progress::Progress;
 use super::report::{Looks, Report, Seconds};
@@ -49,13 +49,15 @@ pub fn correct_file(setting: &Setting, job: &Job) -> Result<(), Failure> {
     tell_what_was_read(setting, job, &looks, &frame.warnings);
 
     let Surveyed { rows, survey, warnings } = frame;
-    let corrected = correct_rows(engine, *isa, &*rows, survey, None, &mut seconds, &interrupt::asked).map_err(
-        |error| match error {
-            CorrectError::Interrupted => Failure::interrupted(),
-            CorrectError::Plan(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
-            CorrectError::Read(error) => error.into(),
-        },
-    )?;
+    let options = Options { strength: arguments.strength, ..Options::default() };
+    let corrected =
+        correct_rows(engine, *isa, &*rows, survey, options, &mut seconds, &interrupt::asked).map_err(|error| {
+            match error {
+                CorrectError::Interrupted => Failure::interrupted(),
+                CorrectError::Plan(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
+                CorrectError::Read(error) => error.into(),
+            }
+        })?;
     drop(rows);
     let mut report = Report::new(setting, job, looks, warnings, &corrected);
     interrupt::check()?;
@@ -145,6 +147,7 @@ fn provenance(setting: &Setting, corrected: &Corrected) -> Vec<(String, String)>
         ("sspc.model", setting.arguments.model.display().to_string()),
         ("sspc.model_frames", contract.frames.join(" ")),
         ("sspc.model_preset", contract.preset.clone()),
+        ("sspc.strength", setting.arguments.strength.to_string()),
         ("sspc.fallback", corrected.fallback.clone().unwrap_or_else(|| "none".into())),
     ]
     .map(|(key, value)| (key.to_string(), value))

@@ -97,7 +97,9 @@ pub struct Report {
     /// That the model does not suit the frame, if it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlike: Option<String>,
-    /// Mean share of the correction that the judge kept, 0..1.
+    /// Share of the judged correction that was asked for, 0..1.
+    pub strength: f32,
+    /// Mean share of the correction that was used, as the judge and strength have it, 0..1.
     pub mean_share: f64,
     /// Share of the pixels that were computed; the others show no noise.
     pub active_share: f64,
@@ -143,6 +145,7 @@ impl Report {
             model_loss: corrected.model_loss,
             fallback: corrected.fallback.clone(),
             unlike: corrected.unlike(contract.composition),
+            strength: setting.arguments.strength,
             mean_share: corrected.mean_share,
             active_share: corrected.active_share,
             instruction_set: setting.isa.name(),

@@ -12,6 +12,7 @@ use sspc_core::prepare::{Exposure, Prepared, Survey};
 use sspc_core::rng::Rng;
 use sspc_core::simd::Isa;
 use sspc_infer::engine::{Engine, Kernels};
+use sspc_infer::run::correct::Options;
 use sspc_infer::run::report::Seconds;
 use sspc_onnx::{Contract, Model};
 use sspc_train::preset::{Preset, Settings};
@@ -162,11 +163,15 @@ fn nothing_spreads_in_the_inference_engine_either() {
     for kernels in [Kernels::Fused(Isa::best()), Kernels::Tract] {
         let engine = Engine::new(Model::new(contract.clone(), network().weights).expect("a model"), kernels, 50);
         let run = |frame: &Frame| {
-            let done =
-                sspc_infer::run::correct::correct(&engine, Isa::best(), frame, None, &mut Seconds::default(), &|| {
-                    false
-                })
-                .expect("a picture");
+            let done = sspc_infer::run::correct::correct(
+                &engine,
+                Isa::best(),
+                frame,
+                Options::default(),
+                &mut Seconds::default(),
+                &|| false,
+            )
+            .expect("a picture");
             assert_eq!(done.fallback, None, "a fallback would leave nothing to compare");
             done
         };
