@@ -6,7 +6,7 @@
 //! trained them holds, and the picture starts from the better z.
 
 use crate::corrector::correct;
-use crate::estimate::{self, Blocks, Estimate, Losses};
+use crate::estimate::{self, Blocks, Errors, Estimate, Losses};
 use crate::features::{DENOISED, Windows};
 use crate::frame::Frame;
 use crate::gc::Taps;
@@ -100,8 +100,8 @@ pub struct Tally {
     loss_corrected: Blocks,
     loss_unjudged: Blocks,
     gain: Blocks,
-    error_denoised: Blocks,
-    error_corrected: Blocks,
+    error_denoised: Errors,
+    error_corrected: Errors,
 }
 
 /// The judgement of a whole picture.
@@ -310,8 +310,8 @@ fn settle(prepared: &Prepared, halves: &[Image; 2], picture: Image, share: Image
         loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
         loss_unjudged: estimate::loss(prepared, halves, rows.clone()),
         gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
-        error_denoised: estimate::estimate(prepared, &denoised, rows.clone()),
-        error_corrected: estimate::estimate(prepared, &blended, rows),
+        error_denoised: estimate::estimate(prepared, &denoised, &correction, rows.clone()),
+        error_corrected: estimate::estimate(prepared, &blended, &correction, rows),
     };
     Part { correction, share, halves: Image::mean_of(&blended[0], &blended[1]), tally }
 }
