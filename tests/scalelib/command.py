@@ -22,7 +22,7 @@ Mirrors a frame on and on until it fills each size, runs `sspc-train fit --prese
 `sspc-infer run` on it, file to file, and writes a dated record (table, JSON, plot) of wall time, time of all cores
 and peak memory. The model that `run` uses is the one fitted on the smallest frame. Programs are those of
 target/release (or $CARGO_TARGET_DIR), the frames are made by an example: build both first,
-`cargo build --release --workspace --bins --examples`. 8K takes 4 GB of disk and, for fit, 12 GB of memory.
+`cargo build --release --workspace --bins --examples`. 8K takes 4 GB of disk and, for fit, 7 GB of memory.
 Exit codes: 0 done, 1 a run failed or took more memory than it may, 2 bad arguments,
 130 interrupted (what was measured is kept)."""
 

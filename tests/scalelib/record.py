@@ -6,13 +6,18 @@ from datetime import datetime
 from .figure import svg
 
 GIB = 1 << 30
-# What `run` may take, by pixels: the bounds of the project for 4K and 8K.
-BOUNDS = {3840 * 2160: 2 * GIB, 7680 * 4320: 4 * GIB}
+# What a program may take, by pixels: the bounds of the project for 4K and 8K. `fit` has some 250 bytes a pixel.
+BOUNDS = {
+    ("run", 3840 * 2160): 2 * GIB,
+    ("run", 7680 * 4320): 4 * GIB,
+    ("fit", 3840 * 2160): 2 * GIB,
+    ("fit", 7680 * 4320): 8 * GIB,
+}
 NAMES = {"fit": "`sspc-train fit --preset fast`", "run": "`sspc-infer run`"}
 
 
 def bound(result):
-    return BOUNDS.get(result["width"] * result["height"]) if result["program"] == "run" else None
+    return BOUNDS.get((result["program"], result["width"] * result["height"]))
 
 
 def too_much(result):
