@@ -6,6 +6,10 @@
 
 mod kernel;
 pub mod oracle;
+mod pairs;
+mod result;
+mod strip;
+mod sweep;
 mod taps;
 
 pub(crate) use kernel::load_lanes;
@@ -135,6 +139,5 @@ fn run<U: Upstream>(
     );
     assert_eq!(out.len(), 3 * region.pixels(), "corrected radiance of the region");
     parameters.check(&region);
-    let offsets = taps.offsets(windows.stride());
-    dispatch(isa, kernel::Correct { windows, offsets: &offsets, region, parameters, upstream, out, gradient });
+    dispatch(isa, kernel::Correct { windows, taps, region, parameters, upstream, out, gradient });
 }

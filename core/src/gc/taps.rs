@@ -37,8 +37,34 @@ impl Taps {
         self.offsets.iter().map(|(dy, dx)| dy.unsigned_abs().max(dx.unsigned_abs()) as usize).max().unwrap_or(0)
     }
 
-    /// Offsets in floats for rows that are `stride` floats apart.
-    pub(super) fn offsets(&self, stride: usize) -> Vec<isize> {
-        self.offsets.iter().map(|&(dy, dx)| dy as isize * stride as isize + dx as isize).collect()
+    /// The taps by the row that they lie in: those of a pixel in the rows from its own downward, and
+    /// those of the pixels there that point back.
+    pub(super) fn pairs(&self) -> Vec<RowPairs> {
+        let radius = self.radius() as i32;
+        let pairs = |dy: i32| {
+            let first = if dy == 0 { 1 } else { -radius };
+            let pair = |dx: i32| Pair {
+                dx: dx as isize,
+                down: self.offsets.contains(&(dy, dx)),
+                up: self.offsets.contains(&(-dy, -dx)),
+            };
+            (first..=radius).map(pair).filter(|p| p.down || p.up).collect()
+        };
+        (0..=radius).map(|dy| RowPairs { dy: dy as isize, pairs: pairs(dy) }).filter(|r| !r.pairs.is_empty()).collect()
     }
+}
+
+/// Pairs of pixels of which the lower lies `dy` rows below the upper.
+pub(super) struct RowPairs {
+    pub dy: isize,
+    pub pairs: Vec<Pair>,
+}
+
+/// Pixels at x in the upper row and x + dx in the lower one, that take part in one another's sums.
+pub(super) struct Pair {
+    pub dx: isize,
+    /// The lower is a tap of the upper.
+    pub down: bool,
+    /// The upper is a tap of the lower.
+    pub up: bool,
 }

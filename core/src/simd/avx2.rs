@@ -19,6 +19,7 @@ pub(super) unsafe fn run<K: Kernel>(kernel: K) -> K::Output {
 impl Simd for Avx2 {
     type F = __m256;
     const LANES: usize = 8;
+    const REGISTERS: usize = 16;
     const CONV_OUTPUTS: usize = 4;
 
     #[inline(always)]
@@ -85,18 +86,20 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
-    unsafe fn split_exponent(x: __m256) -> (__m256, __m256) {
+    unsafe fn round(x: __m256) -> __m256 {
+        unsafe { _mm256_round_ps::<0x08>(x) }
+    }
+    #[inline(always)]
+    unsafe fn scale(a: __m256, n: __m256) -> __m256 {
         unsafe {
-            let n = _mm256_round_ps::<0x08>(x);
-            let biased = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
-            (_mm256_castsi256_ps(_mm256_slli_epi32::<23>(biased)), _mm256_sub_ps(x, n))
+            let shift = _mm256_slli_epi32::<23>(_mm256_cvtps_epi32(n));
+            _mm256_castsi256_ps(_mm256_add_epi32(_mm256_castps_si256(a), shift))
         }
     }
     #[inline(always)]
-    unsafe fn centred_exponent(u: __m256) -> (__m256, __m256) {
+    unsafe fn exponent(u: __m256) -> (__m256, __m256) {
         unsafe {
-            let scaled = _mm256_mul_ps(u, _mm256_set1_ps(core::f32::consts::SQRT_2));
-            let biased = _mm256_srli_epi32::<23>(_mm256_castps_si256(scaled));
+            let biased = _mm256_srli_epi32::<23>(_mm256_castps_si256(u));
             let e = _mm256_cvtepi32_ps(_mm256_sub_epi32(biased, _mm256_set1_epi32(127)));
             let inverse = _mm256_slli_epi32::<23>(_mm256_sub_epi32(_mm256_set1_epi32(254), biased));
             (e, _mm256_castsi256_ps(inverse))

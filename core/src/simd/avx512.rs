@@ -19,6 +19,7 @@ pub(super) unsafe fn run<K: Kernel>(kernel: K) -> K::Output {
 impl Simd for Avx512 {
     type F = __m512;
     const LANES: usize = 16;
+    const REGISTERS: usize = 32;
     const CONV_OUTPUTS: usize = 8;
 
     #[inline(always)]
@@ -82,19 +83,19 @@ impl Simd for Avx512 {
         unsafe { _mm512_reduce_add_ps(a) }
     }
     #[inline(always)]
-    unsafe fn split_exponent(x: __m512) -> (__m512, __m512) {
-        unsafe {
-            let n = _mm512_roundscale_ps::<0x08>(x);
-            let scale = _mm512_scalef_ps(_mm512_set1_ps(1.0), n);
-            (scale, _mm512_sub_ps(x, n))
-        }
+    unsafe fn round(x: __m512) -> __m512 {
+        unsafe { _mm512_roundscale_ps::<0x08>(x) }
     }
     #[inline(always)]
-    unsafe fn centred_exponent(u: __m512) -> (__m512, __m512) {
+    unsafe fn scale(a: __m512, n: __m512) -> __m512 {
+        unsafe { _mm512_scalef_ps(a, n) }
+    }
+    #[inline(always)]
+    unsafe fn exponent(u: __m512) -> (__m512, __m512) {
         unsafe {
-            let e = _mm512_getexp_ps(_mm512_mul_ps(u, _mm512_set1_ps(core::f32::consts::SQRT_2)));
-            let negative = _mm512_sub_ps(_mm512_setzero_ps(), e);
-            (e, _mm512_scalef_ps(_mm512_set1_ps(1.0), negative))
+            let power = _mm512_and_epi32(_mm512_castps_si512(u), _mm512_set1_epi32(0x7f80_0000));
+            let inverse = _mm512_sub_epi32(_mm512_set1_epi32(0x7f00_0000), power);
+            (_mm512_getexp_ps(u), _mm512_castsi512_ps(inverse))
         }
     }
 }

@@ -81,6 +81,8 @@ pub const MAX_LANES: usize = 16;
 pub trait Simd: Copy + Send + Sync + 'static {
     type F: Copy;
     const LANES: usize;
+    /// Vector registers of the machine.
+    const REGISTERS: usize;
     /// Output channels and row vectors that the convolution keeps in registers.
     const CONV_OUTPUTS: usize;
 
@@ -101,10 +103,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
     unsafe fn copysign(a: Self::F, s: Self::F) -> Self::F;
     unsafe fn abs(a: Self::F) -> Self::F;
     unsafe fn sum(a: Self::F) -> f32;
-    /// (2^n, r) with x = n + r, n whole, |r| <= 1/2, for -126 <= x <= 127.
-    unsafe fn split_exponent(x: Self::F) -> (Self::F, Self::F);
-    /// For u >= 1: (e, 2^-e) with u / 2^e in [sqrt(1/2), sqrt(2)).
-    unsafe fn centred_exponent(u: Self::F) -> (Self::F, Self::F);
+    /// x rounded to a whole number.
+    unsafe fn round(x: Self::F) -> Self::F;
+    /// a 2^n for a whole n >= -126 and a result in f32's normal range.
+    unsafe fn scale(a: Self::F, n: Self::F) -> Self::F;
+    /// For u >= 1: (e, 2^-e) with u / 2^e in [1, 2).
+    unsafe fn exponent(u: Self::F) -> (Self::F, Self::F);
 
     unsafe fn zero() -> Self::F {
         unsafe { Self::splat(0.0) }
@@ -114,8 +118,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
     #[inline(always)]
     unsafe fn exp2(x: Self::F) -> Self::F {
         unsafe {
-            let (scale, r) = Self::split_exponent(Self::max(x, Self::splat(-126.0)));
-            Self::mul(polynomial::<Self>(&EXP2, r), scale)
+            let x = Self::max(x, Self::splat(-126.0));
+            let n = Self::round(x);
+            Self::scale(polynomial::<Self>(&EXP2, Self::sub(x, n)), n)
         }
     }
 
@@ -124,10 +129,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
     unsafe fn log2_1p(x: Self::F) -> Self::F {
         unsafe {
             let one = Self::splat(1.0);
-            let (e, inverse) = Self::centred_exponent(Self::add(x, one));
+            // (1 + x) / 2^e in [sqrt(1/2), sqrt(2)).
+            let root = Self::splat(std::f32::consts::SQRT_2);
+            let (e, inverse) = Self::exponent(Self::fma(x, root, root));
             // (1 + x) / 2^e - 1 without rounding 1 + x first.
             let t = Self::fma(x, inverse, Self::sub(inverse, one));
-            Self::fma(t, polynomial::<Self>(&LOG2_1P, t), e)
+            Self::fma(t, split_polynomial::<Self>(&LOG2_1P, t), e)
         }
     }
 }
@@ -146,6 +153,17 @@ unsafe fn polynomial<S: Simd>(coefficients: &[f32], x: S::F) -> S::F {
             value = S::fma(value, x, S::splat(c));
         }
         value
+    }
+}
+
+/// The same, even and odd powers apart: more roundings, but two short chains of dependent steps.
+#[inline(always)]
+unsafe fn split_polynomial<S: Simd>(coefficients: &[f32; 8], x: S::F) -> S::F {
+    unsafe {
+        let square = S::mul(x, x);
+        let [c0, c1, c2, c3, c4, c5, c6, c7] = *coefficients;
+        let even = polynomial::<S>(&[c0, c2, c4, c6], square);
+        S::fma(polynomial::<S>(&[c1, c3, c5, c7], square), x, even)
     }
 }
 

@@ -26,6 +26,7 @@ fn zip(a: Lanes, b: Lanes, f: impl Fn(f32, f32) -> f32) -> Lanes {
 impl Simd for Portable {
     type F = Lanes;
     const LANES: usize = LANES;
+    const REGISTERS: usize = 16;
     const CONV_OUTPUTS: usize = 4;
 
     #[inline(always)]
@@ -86,16 +87,18 @@ impl Simd for Portable {
         a.0.iter().sum()
     }
     #[inline(always)]
-    unsafe fn split_exponent(x: Lanes) -> (Lanes, Lanes) {
+    unsafe fn round(x: Lanes) -> Lanes {
         // Adding and taking away 1.5 * 2^23 rounds to the nearest whole number.
         const ROUND: f32 = 12_582_912.0;
-        let n = map(x, |x| (x + ROUND) - ROUND);
-        let scale = map(n, |n| f32::from_bits(((n as i32 + 127) as u32) << 23));
-        (scale, zip(x, n, |x, n| x - n))
+        map(x, |x| (x + ROUND) - ROUND)
     }
     #[inline(always)]
-    unsafe fn centred_exponent(u: Lanes) -> (Lanes, Lanes) {
-        let biased = |u: f32| (u * core::f32::consts::SQRT_2).to_bits() >> 23;
+    unsafe fn scale(a: Lanes, n: Lanes) -> Lanes {
+        zip(a, n, |a, n| f32::from_bits((a.to_bits() as i32).wrapping_add((n as i32) << 23) as u32))
+    }
+    #[inline(always)]
+    unsafe fn exponent(u: Lanes) -> (Lanes, Lanes) {
+        let biased = |u: f32| u.to_bits() >> 23;
         let e = map(u, |u| biased(u) as i32 as f32 - 127.0);
         (e, map(u, |u| f32::from_bits((254 - biased(u)) << 23)))
     }
