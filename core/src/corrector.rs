@@ -26,24 +26,43 @@ pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters:
         return out;
     }
     let runs = plan.runs();
+    let job_rows = job_rows(height);
     let [r, g, b] = out.planes_mut();
-    let block_rows = r.par_chunks_mut(BLOCK_ROWS * width).zip(g.par_chunks_mut(BLOCK_ROWS * width));
-    block_rows.zip(b.par_chunks_mut(BLOCK_ROWS * width)).enumerate().for_each_init(
-        Vec::new,
-        |scratch, (block, rows)| {
-            let mut rows = [rows.0.0, rows.0.1, rows.1];
-            let top = block * BLOCK_ROWS;
-            rows.iter_mut().enumerate().for_each(|(k, rows)| denoised_rows(windows, k, top, rows));
-            let first = runs.partition_point(|run| run.top < top);
-            for region in runs[first..].iter().take_while(|run| run.top == top) {
-                let view = ParameterPlanes::of_picture(form, parameters.data(), windows, region);
-                scratch.resize(3 * region.pixels(), 0.0);
-                gc::forward(isa, windows, taps, *region, view, scratch);
-                put(region, scratch, width, &mut rows);
-            }
-        },
-    );
+    let jobs = r.par_chunks_mut(job_rows * width).zip(g.par_chunks_mut(job_rows * width));
+    jobs.zip(b.par_chunks_mut(job_rows * width)).enumerate().for_each_init(Vec::new, |scratch, (job, rows)| {
+        let mut rows = [rows.0.0, rows.0.1, rows.1];
+        let top = job * job_rows;
+        rows.iter_mut().enumerate().for_each(|(k, rows)| denoised_rows(windows, k, top, rows));
+        let first = runs.partition_point(|run| run.top < top);
+        let last = runs.partition_point(|run| run.top < top + job_rows);
+        for region in stacked(&runs[first..last]) {
+            let view = ParameterPlanes::of_picture(form, parameters.data(), windows, &region);
+            scratch.resize(3 * region.pixels(), 0.0);
+            gc::forward(isa, windows, taps, region, view, scratch);
+            put(&region, top, scratch, width, &mut rows);
+        }
+    });
     out
+}
+
+/// Rows that are corrected at a time: many, because g_c shares work between the rows of a region, but
+/// not so many that a thread is left without.
+fn job_rows(height: usize) -> usize {
+    let share = height / (2 * rayon::current_num_threads());
+    (share / BLOCK_ROWS).clamp(1, 4) * BLOCK_ROWS
+}
+
+/// Runs of blocks, in row order, as regions: those that lie exactly below one another as one.
+fn stacked(runs: &[Region]) -> Vec<Region> {
+    let mut regions: Vec<Region> = Vec::new();
+    for run in runs {
+        let is_above = |r: &&mut Region| (r.left, r.width, r.top + r.height) == (run.left, run.width, run.top);
+        match regions.iter_mut().find(is_above) {
+            Some(above) => above.height += run.height,
+            None => regions.push(*run),
+        }
+    }
+    regions
 }
 
 /// z of the windows, rows from `top` on.
@@ -54,13 +73,13 @@ fn denoised_rows(windows: &Windows, k: usize, top: usize, rows: &mut [f32]) {
     }
 }
 
-/// Puts a corrected region into the rows that begin where it does. Where a correction is not finite z
+/// Puts a corrected region into rows of which the first is `top`. Where a correction is not finite z
 /// stays: parameters from outside this program may be anything.
-fn put(region: &Region, corrected: &[f32], width: usize, rows: &mut [&mut [f32]; 3]) {
+fn put(region: &Region, top: usize, corrected: &[f32], width: usize, rows: &mut [&mut [f32]; 3]) {
     for i in 0..region.pixels() {
         let value: [f32; 3] = std::array::from_fn(|k| corrected[k * region.pixels() + i]);
         if value.iter().all(|v| v.is_finite()) {
-            let at = i / region.width * width + region.left + i % region.width;
+            let at = (region.top - top + i / region.width) * width + region.left + i % region.width;
             (0..3).for_each(|k| rows[k][at] = value[k]);
         }
     }

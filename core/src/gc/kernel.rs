@@ -5,6 +5,10 @@
 //! pixel as a tap of the upper ([`sweep`](super::sweep)) and the other way round. So the windows of
 //! radius + 1 rows grow at the same time, and a row's is complete with the pairs of which it is the
 //! upper. Every pixel's taps come in the same order wherever the region's borders lie.
+//!
+//! Arithmetic is what bounds it: of some 45 vector operations a tap and 37 a pair with AVX-512, two
+//! in a cycle, beside as many loads that straddle cache lines as fit. Of the pairs at a region's
+//! borders only one pixel is inside, so large regions cost least: 8 rows 10 to 15 % more than 32.
 
 use super::pairs::{Logarithms, RowTaps};
 use super::result::{Complete, MAX_PARAMETERS};

@@ -1,8 +1,8 @@
 //! The post-correction function g_c (Eq. 10) with its cross-bilateral weights (Eq. 11), forward and
 //! backward, for rectangles of a picture.
 //!
-//! [`forward`] and [`backward`] are thin: the arithmetic stands once, in [`kernel`], generic over
-//! the instruction set; its naive f64 twin is [`oracle`].
+//! [`forward`] and [`backward`] are thin: the arithmetic stands once, in [`kernel`] and what it calls,
+//! generic over the instruction set; its naive f64 twin is [`oracle`].
 
 mod kernel;
 pub mod oracle;

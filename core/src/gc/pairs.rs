@@ -81,15 +81,20 @@ impl Logarithms {
                 let upper = upper.offset(-(right as isize));
                 let lower = lower.offset(pair.dx - right as isize);
                 for x in range.step_by(S::LANES) {
-                    let distance = |channel: usize| {
-                        let at = channel * PITCH + x;
-                        squared::<S>(&difference::<S>(&load3::<S>(upper.add(at)), &load3::<S>(lower.add(at))))
-                    };
-                    let (y, z) = (distance(RADIANCE), distance(DENOISED));
-                    S::store(logs.add(x), S::log2_1p(y));
-                    S::store(logs.add(TO_DENOISED + x), S::log2_1p(z));
+                    let (upper, lower) = (upper.add(x), lower.add(x));
+                    S::store(logs.add(x), logarithm::<S>(upper, lower, RADIANCE));
+                    S::store(logs.add(TO_DENOISED + x), logarithm::<S>(upper, lower, DENOISED));
                 }
             }
         }
+    }
+}
+
+/// log2(1 + ‖a-b‖²) of the three planes from `channel` on.
+#[inline(always)]
+unsafe fn logarithm<S: Simd>(a: *const f32, b: *const f32, channel: usize) -> S::F {
+    unsafe {
+        let (a, b) = (load3::<S>(a.add(channel * PITCH)), load3::<S>(b.add(channel * PITCH)));
+        S::log2_1p(squared::<S>(&difference::<S>(&a, &b)))
     }
 }

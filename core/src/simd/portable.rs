@@ -6,6 +6,8 @@ use super::Simd;
 pub struct Portable;
 
 const LANES: usize = 8;
+/// Adding and taking away 1.5 * 2^23 rounds to the nearest whole number.
+const ROUND: f32 = 12_582_912.0;
 
 #[derive(Clone, Copy)]
 #[repr(align(32))]
@@ -88,13 +90,12 @@ impl Simd for Portable {
     }
     #[inline(always)]
     unsafe fn round(x: Lanes) -> Lanes {
-        // Adding and taking away 1.5 * 2^23 rounds to the nearest whole number.
-        const ROUND: f32 = 12_582_912.0;
         map(x, |x| (x + ROUND) - ROUND)
     }
     #[inline(always)]
     unsafe fn scale(a: Lanes, n: Lanes) -> Lanes {
-        zip(a, n, |a, n| f32::from_bits((a.to_bits() as i32).wrapping_add((n as i32) << 23) as u32))
+        // The lowest bits of the sum are n's; a conversion to integers would go lane by lane.
+        zip(a, n, |a, n| f32::from_bits(a.to_bits().wrapping_add((n + ROUND).to_bits() << 23)))
     }
     #[inline(always)]
     unsafe fn exponent(u: Lanes) -> (Lanes, Lanes) {
