@@ -33,6 +33,8 @@ fn seconds(mut f: impl FnMut()) -> f64 {
 fn main() {
     const SIDE: usize = 32;
     const BATCH: usize = 8;
+    /// Side of g_c's tile, that of the preset `balanced`.
+    const TILE: usize = 48;
     let rng = &mut Rng::new(1);
     let shape = Shape::paper(Form::Gated);
     let weights: Vec<f32> = (0..shape.parameter_count()).map(|_| 0.1 * rng.normal()).collect();
@@ -41,7 +43,7 @@ fn main() {
     let image = Image::from_fn(FEATURE_CHANNELS, 64, 64, |_, _, _| rng.uniform());
     let windows = Windows::new(&image, None, FeatureSet::ALL, gc::PAPER_RADIUS);
     let taps = Taps::square(gc::PAPER_RADIUS);
-    let region = Region { top: 16, left: 16, height: SIDE, width: SIDE };
+    let region = Region { top: 8, left: 8, height: TILE, width: TILE };
     let gflop = 2.0 * (shape.parameter_count() - 16 * shape.layers) as f64 * pixels as f64 * 1e-9;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     println!("one thread; network in GFLOP/s, g_c in µs per pixel");
@@ -55,7 +57,7 @@ fn main() {
             let backward = seconds(|| {
                 network::backward(isa, &shape, &weights, &saved, &out);
             });
-            let mut p: Vec<f32> = out[..16 * SIDE * SIDE].to_vec();
+            let mut p: Vec<f32> = out[..16 * region.pixels()].to_vec();
             parameters::activate(isa, Form::Gated, &mut p);
             let view = ParameterPlanes::of_region(Form::Gated, &p, &region);
             let mut corrected = vec![0.0; 3 * region.pixels()];
