@@ -9,9 +9,10 @@ use crate::survey::{present_features, usable_features};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
-/// Correlation of the halves' noise above which the user is warned. Independent halves of the renders at hand
-/// stay below half of it; where a denoiser blurs texture, both residuals share that texture.
-pub const HALVES_CORRELATED: f64 = 0.4;
+/// Correlation of the halves' noise above which the user is warned: that of a half and the full buffer, given in the
+/// other half's place, is 0.71. Independent halves stay near 0, but where a denoiser blurs texture both residuals
+/// share that texture: 0.46 was seen on foliage.
+pub const HALVES_CORRELATED: f64 = 0.6;
 /// Correlation of neighbouring pixels' noise above which the user is warned. Filters that splat give 0.25 (a tent of
 /// radius 1) or 0.37 (a Gaussian of 0.5 pixels); renders without splatting were seen to reach 0.18 on fur and glass.
 pub const NEIGHBOURS_CORRELATED: f64 = 0.22;
