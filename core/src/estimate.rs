@@ -106,13 +106,13 @@ impl Errors {
 /// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units, over `rows`.
 pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
     sum_blocks(prepared, rows, |i| {
-        (0..2).map(|h| 0.5 * weight(prepared, h, i) * squared_to(prepared, &pair[h], h, i)).sum()
+        (0..2).map(|h| 0.5 * weight(prepared, 1 - h, i) * squared_to(prepared, &pair[h], h, i)).sum()
     })
 }
 
 /// Estimate of how much smaller the error of `after` is than that of `before`:
 /// L̂(before) - L̂(after), which needs no variance; over `rows`, with
-/// [`crate::objective::shared_weight`].
+/// [`crate::objective::own_weight`].
 pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<usize>) -> Blocks {
     sum_blocks(prepared, rows, |i| {
         (0..2)
@@ -126,10 +126,9 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<
                         (p - q) * (p + q - 2.0 * y)
                     })
                     .sum();
-                0.5 * product
+                0.5 * weight(prepared, h, i) * product
             })
-            .sum::<f64>()
-            * shared_weight(prepared, i)
+            .sum()
     })
 }
 
@@ -170,17 +169,10 @@ fn variance(prepared: &Prepared, i: usize) -> f64 {
     (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum()
 }
 
-/// 1 / (z̄² + 0.01), z of the half that half `h` is compared with.
+/// 1 / (z̄² + 0.01), z of half `h`.
 fn weight(prepared: &Prepared, h: usize, i: usize) -> f64 {
-    let z: f32 = (0..3).map(|k| prepared.halves[1 - h].plane(DENOISED + k)[i]).sum::<f32>() / 3.0;
+    let z: f32 = (0..3).map(|k| prepared.halves[h].plane(DENOISED + k)[i]).sum::<f32>() / 3.0;
     f64::from(1.0 / (z * z + RELATIVE_FLOOR))
-}
-
-/// [`crate::objective::shared_weight`] of a pixel.
-fn shared_weight(prepared: &Prepared, i: usize) -> f64 {
-    let z = |k: usize| 0.5 * (prepared.halves[0].plane(DENOISED + k)[i] + prepared.halves[1].plane(DENOISED + k)[i]);
-    let mean = (z(0) + z(1) + z(2)) / 3.0;
-    f64::from(1.0 / (mean * mean + RELATIVE_FLOOR))
 }
 
 /// Sums over the valid pixels of `rows` and three channels of `value(pixel)`.

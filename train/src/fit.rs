@@ -76,7 +76,7 @@ pub fn objective(prepared: &Prepared, settings: &Settings) -> Arc<Objective> {
     let paper = Objective::new(prepared, settings.form, Taps::square(settings.radius), prepared.set);
     Arc::new(match settings.denominator {
         Denominator::OtherHalf => paper,
-        Denominator::BothHalves => paper.with_shared_weight(prepared),
+        Denominator::OwnHalf => paper.with_own_weight(prepared),
     })
 }
 

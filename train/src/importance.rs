@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use sspc_core::features::DENOISED;
 use sspc_core::gc::Region;
-use sspc_core::objective::shared_weight;
+use sspc_core::objective::own_weight;
 use sspc_core::prepare::Prepared;
 
 /// Importance of a block in which the halves agree, against the mean of the rest.
@@ -16,14 +16,15 @@ const FLOOR: f64 = 0.3;
 /// How often each of `blocks` should be trained on, against the others: [`FLOOR`] and, on average over
 /// the blocks, 1. All alike where the denoised halves are equal everywhere.
 ///
-/// Of a pixel, with e² = ‖z^a - z^b‖² / (z̄² + 0.01), it is √(1 + e²) - 1: a square for small
+/// Of a pixel, with e² = ‖z^a - z^b‖² / (z̄² + 0.01) (the mean of both halves' denominators), it is √(1 + e²) - 1: a square for small
 /// differences, linear for large ones.
 pub fn importance(prepared: &Prepared, blocks: &[Region]) -> Vec<f64> {
-    let weight = shared_weight(prepared);
+    let weights = [0, 1].map(|h| own_weight(prepared, h));
     let [a, b] = &prepared.halves;
     let of_pixel = |y: usize, x: usize| {
         let squares = (DENOISED..DENOISED + 3).map(|k| f64::from(a.at(k, y, x) - b.at(k, y, x)).powi(2));
-        (1.0 + f64::from(weight.at(0, y, x)) * squares.sum::<f64>()).sqrt() - 1.0
+        let weight = weights.iter().map(|w| 0.5 * f64::from(w.at(0, y, x))).sum::<f64>();
+        (1.0 + weight * squares.sum::<f64>()).sqrt() - 1.0
     };
     let of_block = |block: &Region| {
         let rows = block.top..block.top + block.height;

@@ -72,8 +72,8 @@ pub enum Rate {
 pub enum Denominator {
     /// That of the half compared with (the paper).
     OtherHalf,
-    /// The mean of both ([`sspc_core::objective::shared_weight`]).
-    BothHalves,
+    /// That of the half corrected ([`sspc_core::objective::own_weight`]).
+    OwnHalf,
 }
 
 /// The weighted error norm m from which a pixel's gradient is limited ([`Objective::loss`]), over
@@ -156,7 +156,7 @@ impl Settings {
             rate: Rate::Cosine { peak, warm_up: 10 },
             steps,
             epochs: 0,
-            denominator: Denominator::BothHalves,
+            denominator: Denominator::OwnHalf,
             influence: Influence { first: 1.0, last: 10.0 },
             composition: Composition::JudgedFullBuffer,
             features: FeatureSet::ALL,

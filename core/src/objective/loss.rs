@@ -1,6 +1,6 @@
 //! The loss of tiles by the network's outputs, and its gradient.
 
-use super::{RELATIVE_FLOOR, Tile, relative_weight, shared_weight, triple};
+use super::{RELATIVE_FLOOR, Tile, own_weight, relative_weight, triple};
 use crate::features::{FEATURE_CHANNELS, FeaturePlanes, FeatureSet, RADIANCE};
 use crate::gc::{self, ParameterPlanes, Region, Taps, Upstream};
 use crate::image::Image;
@@ -18,7 +18,7 @@ pub struct HalfObjective {
     /// y of the other half, `[3, H, W]`.
     pub target: Image,
     /// Weight of a pixel's squared error, 0 where missing: 1 / (z̄² + 0.01) of the other half (the
-    /// paper's), or of both.
+    /// paper's), or of this one.
     pub weight: Image,
 }
 
@@ -45,11 +45,11 @@ impl Objective {
         Self { form, halves: [half(0), half(1)], taps }
     }
 
-    /// The same with [`shared_weight`].
-    pub fn with_shared_weight(mut self, prepared: &Prepared) -> Self {
-        let weight = shared_weight(prepared);
-        self.halves[0].weight = weight.clone();
-        self.halves[1].weight = weight;
+    /// The same with [`own_weight`].
+    pub fn with_own_weight(mut self, prepared: &Prepared) -> Self {
+        for (h, half) in self.halves.iter_mut().enumerate() {
+            half.weight = own_weight(prepared, h);
+        }
         self
     }
 
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shared_weight_is_of_both_halves_alike_and_0_where_a_pixel_is_missing() {
+    fn a_weight_is_of_the_other_half_or_the_own_and_0_where_a_pixel_is_missing() {
         let mut prepared = prepared(&mut Rng::new(2));
         for (h, z) in [(0, [0.1, 0.2, 0.3]), (1, [0.5, 0.6, 0.7])] {
             let half = Arc::make_mut(&mut prepared.halves[h]);
@@ -278,16 +278,16 @@ mod tests {
         let mut valid = Image::filled(1, prepared.height(), prepared.width(), 1.0);
         valid.set(0, 20, 25, 0.0);
         prepared.valid = Some(valid);
-        let weight = shared_weight(&prepared);
-        // z̄ is 0.2 and 0.6, their mean 0.4.
-        assert!((weight.at(0, 3, 4) - 1.0 / 0.17).abs() < 1e-5, "{}", weight.at(0, 3, 4));
-        assert_eq!(weight.at(0, 20, 25), 0.0);
         let objective = Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set);
-        assert!((objective.halves[0].weight.at(0, 3, 4) - 1.0 / 0.37).abs() < 1e-5, "the paper's is of the other half");
-        let objective = objective.with_shared_weight(&prepared);
-        assert!(objective.halves.iter().all(|half| half.weight == weight));
-        prepared.halves.swap(0, 1);
-        assert!(shared_weight(&prepared) == weight, "halves exchanged");
+        // z̄ is 0.2 and 0.6.
+        let expect = |objective: &Objective, expected: [f32; 2]| {
+            for (half, expected) in objective.halves.iter().zip(expected) {
+                assert!((half.weight.at(0, 3, 4) - expected).abs() < 1e-4, "{} {expected}", half.weight.at(0, 3, 4));
+                assert_eq!(half.weight.at(0, 20, 25), 0.0);
+            }
+        };
+        expect(&objective, [1.0 / 0.37, 1.0 / 0.05]);
+        expect(&objective.with_own_weight(&prepared), [1.0 / 0.05, 1.0 / 0.37]);
     }
 
     #[test]

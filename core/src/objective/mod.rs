@@ -1,7 +1,8 @@
 //! The self-supervised loss (Eqs. 8, 9) of tiles of a frame, and its gradient.
 //!
-//! Half a is corrected and compared with the y of half b, and the other way round; the denominator
-//! is made of the z of the half compared with, so it is independent of what is judged.
+//! Half a is corrected and compared with the y of half b, and the other way round. The denominator is
+//! made of the z of one half: of that compared with in the paper, of the corrected one in the other
+//! presets ([`own_weight`] says why).
 //!
 //! [`Objective::loss`] gives the gradient by the outputs of whatever network; [`Step::run`] takes each
 //! tile through our own network and back in one go, which is what a fit does.
@@ -14,7 +15,7 @@ mod weight;
 pub use loss::{HalfObjective, Objective};
 pub use step::{Step, Workspaces};
 pub use tile::{Mirror, Tile};
-pub use weight::{relative_weight, shared_weight, triple};
+pub use weight::{own_weight, relative_weight, triple};
 
 /// Added to the squared mean radiance in every relative error.
 pub const RELATIVE_FLOOR: f32 = 0.01;

@@ -17,23 +17,15 @@ pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> I
     })
 }
 
-/// 1 / (z̄² + 0.01) with z the mean of both halves' z, 0 where a pixel is missing.
+/// 1 / (z̄² + 0.01) of a half's own z: the weight under which y of the other half is an unbiased judge.
 ///
-/// Noise of y^b that the denoiser let through makes z^b bright where y^b is bright. A weight of z^b
-/// alone counts such pixels less than those whose noise is dark, and what is fitted to y^b under it
-/// comes out too dark; half of z^a halves that. (A weight of z^a alone would be exact, and is noisier.)
-pub fn shared_weight(prepared: &Prepared) -> Image {
-    let [a, b] = &prepared.halves;
-    Image::from_rows(1, prepared.height(), prepared.width(), |_, y, row| {
-        let z: [(&[f32], &[f32]); 3] = std::array::from_fn(|k| (a.row(DENOISED + k, y), b.row(DENOISED + k, y)));
-        for (x, weight) in row.iter_mut().enumerate() {
-            if prepared.is_valid(y * prepared.width() + x) {
-                let z = z.map(|(a, b)| 0.5 * a[x] + 0.5 * b[x]);
-                let mean = (z[0] + z[1] + z[2]) / 3.0;
-                *weight = 1.0 / (mean * mean + RELATIVE_FLOOR);
-            }
-        }
-    })
+/// The paper weighs by the z of the half compared with. Noise of y^b that the denoiser let through makes
+/// z^b bright where y^b is bright, so such pixels count less than those whose noise is dark: under that
+/// weight the least error lies below the truth, the more so the noisier the frame, and a correction
+/// that only darkens seems to help. With w(z^a), E\[w (μ̂^a - y^b)²\] is E\[w (μ̂^a - μ)²\] but for a
+/// constant: y^b is independent of everything of half a.
+pub fn own_weight(prepared: &Prepared, half: usize) -> Image {
+    relative_weight(&prepared.halves[half], prepared.valid.as_ref(), RELATIVE_FLOOR)
 }
 
 /// The three planes from `first` on.
