@@ -265,4 +265,26 @@ mod tests {
         let (scatter, told) = (errors.finished.mean().standard_error.unwrap(), found.standard_error.unwrap());
         assert!(told > 2.0 * scatter && told >= (found.value - before.value).abs(), "{told}, of blocks {scatter}");
     }
+
+    /// Under weights of the half compared with, a darker picture seems to gain: y is low where they are large.
+    #[test]
+    fn to_be_darker_is_no_gain() {
+        let (prepared, z, _) = heavy_noise();
+        let darker = z.each_ref().map(|z| {
+            Image::from_rows(3, z.height(), z.width(), |k, y, row| {
+                row.iter_mut().zip(z.row(k, y)).for_each(|(d, z)| *d = z - 0.02);
+            })
+        });
+        let found = gain(&prepared, &z, &darker, 0..prepared.height()).mean();
+        // E[w((z - μ)² - (z - 0.02 - μ)²)] with w and z of one half, known here.
+        let (mut sum, mut count) = (0.0, 0.0);
+        for z in z.iter().flat_map(|z| z.plane(0)) {
+            let (weight, off) = (1.0 / f64::from(z * z + RELATIVE_FLOOR), f64::from(z - TRUTH));
+            sum += weight * (off * off - (off - 0.02).powi(2));
+            count += 1.0;
+        }
+        let error = found.standard_error.expect("many blocks");
+        assert!(sum < 0.0 && found.value < 0.0, "{found:?}");
+        assert!((found.value - sum / count).abs() < 4.0 * error, "{found:?}, expected {}", sum / count);
+    }
 }

@@ -7,7 +7,7 @@ use sspc_core::io::read_picture;
 use sspc_core::metric::displayed::Displayed;
 use sspc_core::metric::flip::flip_map;
 use sspc_core::metric::relative::rel_l2_map;
-use sspc_core::metric::{figures, rel_l2, smape};
+use sspc_core::metric::{figures, rel_l2, rel_l2_smooth, smape};
 use std::path::PathBuf;
 
 /// f64 sums of a few f32 values: only the inputs' own rounding remains.
@@ -76,6 +76,25 @@ fn a_noisy_reference_measures_what_a_clean_one_would() {
     let naive = rel_l2(&picture, &plain(reference.mean.clone())).value;
     assert!((corrected.value - clean).abs() < 4.0 * corrected.standard_error, "{corrected:?} against {clean}");
     assert!(naive > 2.0 * clean, "without it the reference's noise is counted: {naive} against {clean}");
+}
+
+/// Noise of the reference in its own denominator makes a picture below the truth look better; of nine pixels it does not.
+#[test]
+fn a_smooth_denominator_does_not_prefer_the_darker_picture() {
+    let (height, width) = (96, 96);
+    let with_noise = |seed| {
+        let noise = noise(1, height, width, seed);
+        Image::from_fn(3, height, width, |_, y, x| 0.3 + 0.5 * (noise.at(0, y, x) - 0.5))
+    };
+    let (a, b) = (with_noise(1), with_noise(2));
+    let reference = Reference { mean: Image::mean_of(&a, &b), halves: Some([a, b]) };
+    let (truth, darker) = (Image::filled(3, height, width, 0.3), Image::filled(3, height, width, 0.27));
+    assert!(
+        rel_l2(&darker, &reference).value < rel_l2(&truth, &reference).value,
+        "the bias that the smooth one is for"
+    );
+    let smooth = |picture| rel_l2_smooth(picture, &reference).value;
+    assert!(smooth(&truth) < smooth(&darker), "{} of the truth, {} of less", smooth(&truth), smooth(&darker));
 }
 
 #[test]

@@ -70,6 +70,8 @@ pub struct DenoisedEvaluation {
     pub figures: Figures,
     /// relL2 of the picture over the denoiser's; `null` in JSON where the denoiser's is not above 0.
     pub rel_l2_ratio: f64,
+    /// The same of relL2 with a smooth denominator.
+    pub rel_l2_smooth_ratio: f64,
 }
 
 /// Runs the subcommand.
@@ -119,8 +121,13 @@ fn evaluate(
     interrupt::check()?;
     let denoised = denoised.zip(arguments.denoised.clone()).map(|(image, path)| {
         let figures = figures(image, reference, exposure);
-        let rel_l2_ratio = if figures.rel_l2 > 0.0 { own.rel_l2 / figures.rel_l2 } else { f64::NAN };
-        DenoisedEvaluation { picture: path, figures, rel_l2_ratio }
+        let ratio = |own: f64, other: f64| if other > 0.0 { own / other } else { f64::NAN };
+        DenoisedEvaluation {
+            picture: path,
+            figures,
+            rel_l2_ratio: ratio(own.rel_l2, figures.rel_l2),
+            rel_l2_smooth_ratio: ratio(own.rel_l2_smooth, figures.rel_l2_smooth),
+        }
     });
     Ok(Evaluation {
         picture: arguments.picture.clone(),
@@ -142,7 +149,7 @@ fn json(evaluation: &Evaluation) -> Result<String, Failure> {
 fn table(evaluation: &Evaluation) -> String {
     let noise = if evaluation.reference_noise_removed { "taken out" } else { "left in (it has no halves)" };
     let mut text = format!(
-        "{} against {}: {}x{}, exposure {:.4}, reference noise {noise}\n{:<9} {:>11} {:>11} {:>8} {:>8} {:>7} {:>7} {:>9}\n",
+        "{} against {}: {}x{}, exposure {:.4}, reference noise {noise}\n{:<9} {:>11} {:>11} {:>11} {:>8} {:>8} {:>7} {:>7} {:>9}\n",
         evaluation.picture.display(),
         evaluation.reference.display(),
         evaluation.width,
@@ -151,6 +158,7 @@ fn table(evaluation: &Evaluation) -> String {
         "",
         "relL2",
         "std. error",
+        "smooth",
         "SMAPE",
         "PSNR dB",
         "SSIM",
@@ -160,16 +168,18 @@ fn table(evaluation: &Evaluation) -> String {
     text += &row("picture", &evaluation.figures);
     if let Some(denoised) = &evaluation.denoised {
         text += &row("denoised", &denoised.figures);
-        text += &format!("{:<9} {:>11.4}\n", "ratio", denoised.rel_l2_ratio);
+        let (ratio, smooth) = (denoised.rel_l2_ratio, denoised.rel_l2_smooth_ratio);
+        text += &format!("{:<9} {ratio:>11.4} {:>11} {smooth:>11.4}\n", "ratio", "");
     }
     text
 }
 
 fn row(name: &str, figures: &Figures) -> String {
     format!(
-        "{name:<9} {:>11.6} {:>11.6} {:>8.4} {:>8.2} {:>7.4} {:>7.4} {:>9}\n",
+        "{name:<9} {:>11.6} {:>11.6} {:>11.6} {:>8.4} {:>8.2} {:>7.4} {:>7.4} {:>9}\n",
         figures.rel_l2,
         figures.rel_l2_standard_error,
+        figures.rel_l2_smooth,
         figures.smape,
         figures.psnr,
         figures.ssim,

@@ -28,6 +28,8 @@ class Cell:
 
     # relL2 over the denoiser's: geometric mean over the seeds; None without a reference.
     ratio: float | None
+    # The same of relL2 with a smooth denominator.
+    smooth: float | None
     # Whole-process wall seconds: median, least and most.
     seconds: float
     least_seconds: float
@@ -73,8 +75,10 @@ def cells(results):
 
 
 def cell(group):
-    ratios = {}
+    ratios, smooth = {}, {}
     for result in group:
+        if (result.get("smooth_ratio") or 0) > 0:
+            smooth[result["seed"]] = result["smooth_ratio"]
         known = result.get("rel_l2")
         if known and known["denoised"] > 0 and known["corrected"] > 0:
             ratios[result["seed"]] = known["corrected"] / known["denoised"]
@@ -82,6 +86,7 @@ def cell(group):
     steps = [result["steps"] for result in group if result.get("steps") is not None]
     return Cell(
         ratio=geometric_mean(ratios.values()) if ratios else None,
+        smooth=geometric_mean(smooth.values()) if smooth else None,
         seconds=median(walls),
         least_seconds=min(walls),
         most_seconds=max(walls),

@@ -190,7 +190,8 @@ def check(job, programs, folder, environment, limit, result):
     if result["fallback"] and not agrees(result["rel_l2"]["corrected"], result["rel_l2"]["denoised"]):
         raise Failed("the run says that the output is the denoiser's, but its relL2 is not the denoiser's")
     size = {"width": evaluation["width"], "height": evaluation["height"]}
-    return size | {"evaluated": evaluation["figures"]}
+    smooth = (evaluation.get("denoised") or {}).get("rel_l2_smooth_ratio")
+    return size | {"evaluated": evaluation["figures"], "smooth_ratio": smooth}
 
 
 def agrees(said, found):

@@ -14,7 +14,7 @@ use sspc_core::prepare::Prepared;
 const FLOOR: f64 = 0.3;
 
 /// How often each of `blocks` should be trained on, against the others: [`FLOOR`] and, on average over
-/// the blocks, 1. All alike where the denoised halves are equal everywhere.
+/// the blocks, about 1. All alike where the denoised halves are equal everywhere.
 ///
 /// Of a pixel, with e² = ‖z^a - z^b‖² / (z̄² + 0.01) (the mean of both halves' denominators), it is √(1 + e²) - 1: a square for small
 /// differences, linear for large ones.
@@ -33,7 +33,13 @@ pub fn importance(prepared: &Prepared, blocks: &[Region]) -> Vec<f64> {
     };
     let differences: Vec<f64> = blocks.par_iter().map(of_block).collect();
     let mean = differences.iter().sum::<f64>() / blocks.len().max(1) as f64;
-    differences.iter().map(|d| FLOOR + if mean > 0.0 { d / mean } else { 1.0 }).collect()
+    differences.iter().map(|d| FLOOR + if mean > 0.0 { rounded(d / mean) } else { 1.0 }).collect()
+}
+
+/// The nearest power of √2 (0 of 0): a frame in other units, whose values are rounded elsewhere, has the
+/// same blocks drawn.
+fn rounded(share: f64) -> f64 {
+    (0.5 * (2.0 * share.log2()).round()).exp2()
 }
 
 #[cfg(test)]
@@ -66,7 +72,8 @@ mod tests {
         assert_eq!(importance(&prepared(0.5), &blocks), [1.3; 3], "equal halves");
         // The first block's halves agree, the other two differ alike; the mean is two thirds of theirs.
         let of_blocks = importance(&prepared(0.7), &blocks);
-        for (found, expected) in of_blocks.iter().zip([0.3, 1.8, 1.8]) {
+        // 1.5 is nearest to √2.
+        for (found, expected) in of_blocks.iter().zip([0.3, 0.3 + 2f64.sqrt(), 0.3 + 2f64.sqrt()]) {
             assert!((found - expected).abs() < 1e-6, "{of_blocks:?}");
         }
     }

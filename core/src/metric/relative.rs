@@ -2,6 +2,7 @@
 
 use crate::frame::Reference;
 use crate::image::Image;
+use crate::smooth::box_mean;
 
 /// Added to the squared channel mean so that black does not divide by zero (Rousselle et al. 2011).
 pub const REL_L2_EPSILON: f64 = 0.01;
@@ -29,7 +30,26 @@ pub struct Measured {
 /// # Panics
 /// When the images do not have one shape.
 pub fn rel_l2(image: &Image, reference: &Reference) -> Measured {
-    measure(image, reference, |x, r, noise, mean| ((x - r) * (x - r) - noise * noise) / (mean * mean + REL_L2_EPSILON))
+    relative(image, reference, &reference.mean)
+}
+
+/// relL2 with r̄ of the denominator averaged over 3 x 3 pixels.
+///
+/// The noise of the reference stands in relL2's denominator too: a pixel whose reference is dark by
+/// chance counts more, so a picture that is darker than the truth looks better than it is, the more so
+/// the noisier the reference. Nine pixels share little of one pixel's noise.
+///
+/// # Panics
+/// When the images do not have one shape.
+pub fn rel_l2_smooth(image: &Image, reference: &Reference) -> Measured {
+    relative(image, reference, &box_mean(&reference.mean, 1))
+}
+
+/// Mean of ((x − r)² − n²) / (m̄² + 0.01), m̄ the channel mean of `brightness`.
+fn relative(image: &Image, reference: &Reference, brightness: &Image) -> Measured {
+    measure(image, reference, brightness, |x, r, noise, mean| {
+        ((x - r) * (x - r) - noise * noise) / (mean * mean + REL_L2_EPSILON)
+    })
 }
 
 /// Symmetric mean absolute percentage error as a fraction: mean of |x − r| / ((|x| + |r|)/2), 0 where both are 0;
@@ -38,7 +58,7 @@ pub fn rel_l2(image: &Image, reference: &Reference) -> Measured {
 /// # Panics
 /// When the images do not have one shape.
 pub fn smape(image: &Image, reference: &Reference) -> Measured {
-    measure(image, reference, |x, r, _, _| {
+    measure(image, reference, &reference.mean, |x, r, _, _| {
         let sum = x.abs() + r.abs();
         if sum < SMAPE_TINY { 0.0 } else { 2.0 * (x - r).abs() / sum }
     })
@@ -62,7 +82,13 @@ pub fn rel_l2_map(image: &Image, reference: &Image) -> Image {
     map
 }
 
-fn measure(image: &Image, reference: &Reference, error: impl Fn(f64, f64, f64, f64) -> f64) -> Measured {
+/// Mean of `error(x, r, n, m̄)`, m̄ the channel mean of `brightness`.
+fn measure(
+    image: &Image,
+    reference: &Reference,
+    brightness: &Image,
+    error: impl Fn(f64, f64, f64, f64) -> f64,
+) -> Measured {
     assert_same_shape(image, &reference.mean);
     if let Some(halves) = &reference.halves {
         halves.iter().for_each(|half| assert_same_shape(image, half));
@@ -70,7 +96,7 @@ fn measure(image: &Image, reference: &Reference, error: impl Fn(f64, f64, f64, f
     let channels = image.channels();
     let (mut sum, mut squares, mut pixels, mut excluded) = (0.0, 0.0, 0u64, 0u64);
     for i in 0..image.pixels() {
-        let mean = channel_mean(&reference.mean, i);
+        let mean = channel_mean(brightness, i);
         let of_channel = |c: usize| {
             let noise = reference.halves.as_ref().map_or(0.0, |[a, b]| 0.5 * (value(a, c, i) - value(b, c, i)));
             error(value(image, c, i), value(&reference.mean, c, i), noise, mean)
