@@ -74,7 +74,7 @@ pub struct FitArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Change one setting of the preset, for experiments, e.g. --set window=15: window, hidden, layers,
-    /// start, combination, gate, influence, sampling, tile, batch, rate, skip or composition. A wrong value is told
+    /// combination, gate, influence, sampling, tile, batch, rate, skip or composition. A wrong value is told
     /// what is allowed. Repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub changes: Vec<String>,

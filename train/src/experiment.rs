@@ -3,7 +3,6 @@
 use crate::combination::Combination;
 use crate::fit::LARGEST_RATE;
 use crate::preset::{Influence, Rate, Sampling, Settings, Start};
-use crate::start::{ANALYTIC_GATE, is_built_in};
 use sspc_core::features::MAX_RADIUS;
 use sspc_core::finish::Composition;
 use sspc_core::network::MAX_CHANNELS;
@@ -19,13 +18,12 @@ const TILES: (usize, usize) = (8, 512);
 const MAX_BATCH: usize = 256;
 
 /// Every key and what it may be, as `--help` and messages show them.
-pub const KEYS: [(&str, &str); 13] = [
+pub const KEYS: [(&str, &str); 12] = [
     ("window", "side of the window of g_c in pixels, odd, 3 to 25"),
     ("hidden", "channels of a hidden layer, 1 to 16"),
     ("layers", "convolutions, 1 to 32"),
-    ("start", "built-in (for the presets' own shape), or analytic (z plus a smoothed residual)"),
     ("combination", "gc, or fc (Deep Combiner's function)"),
-    ("gate", "none (the paper's form), or the gate of the analytic start between 0 and 1"),
+    ("gate", "none (the paper's form), or the gate's start between 0 and 1"),
     ("influence", "limit on a pixel's gradient, above 0, the same at every step, or inf"),
     ("sampling", "uniform, or important (tiles where the denoised halves differ)"),
     ("tile", "side of a training tile in pixels, 8 to 512"),
@@ -98,21 +96,13 @@ pub fn apply(changes: &[String], settings: &mut Settings, from_model: bool) -> R
         if let Some(first) = done.iter().find(|c| c.key == change.key) {
             return Err(Error::Twice { key: change.key, first: first.value.clone(), second: change.value });
         }
-        if from_model
-            && ["window", "hidden", "layers", "start", "combination", "gate", "composition"].contains(&change.key)
-        {
+        if from_model && ["window", "hidden", "layers", "combination", "gate", "composition"].contains(&change.key) {
             return Err(change.conflict("the model of --init decides it"));
         }
         change.apply(settings)?;
         done.push(change);
     }
     settings.shape.outputs = settings.form.parameters();
-    if settings.start == Start::BuiltIn && !is_built_in(settings.shape) {
-        if let Some(asked) = done.iter().find(|c| c.key == "start") {
-            return Err(asked.conflict("these weights are for three layers of sixteen channels with a gate"));
-        }
-        settings.start = Start::Analytic { gate: ANALYTIC_GATE };
-    }
     settings.changes.extend(changes.iter().cloned());
     Ok(())
 }
@@ -126,10 +116,6 @@ impl Change {
             }
             "hidden" => settings.shape.hidden = self.number(|n| (1..=MAX_CHANNELS).contains(n))?,
             "layers" => settings.shape.layers = self.number(|n| (1..=MAX_LAYERS).contains(n))?,
-            "start" => {
-                let analytic = Start::Analytic { gate: ANALYTIC_GATE };
-                settings.start = self.choice(&[("built-in", Start::BuiltIn), ("analytic", analytic)])?;
-            }
             "combination" => {
                 settings.combination =
                     self.choice(&[("gc", Combination::PostCorrection), ("fc", Combination::DeepCombiner)])?;
@@ -223,13 +209,11 @@ mod tests {
             f(&mut settings);
             settings
         };
-        let analytic = Start::Analytic { gate: ANALYTIC_GATE };
-        let cases: [(&str, Settings); 15] = [
+        let cases: [(&str, Settings); 14] = [
             ("window=7", small(&|s| s.radius = 3)),
             ("window=25", small(&|s| s.radius = 12)),
-            ("hidden=1", small(&|s| (s.shape.hidden, s.start) = (1, analytic))),
-            ("layers=4", small(&|s| (s.shape.layers, s.start) = (4, analytic))),
-            ("start=analytic", small(&|s| s.start = analytic)),
+            ("hidden=1", small(&|s| s.shape.hidden = 1)),
+            ("layers=4", small(&|s| s.shape.layers = 4)),
             ("combination=fc", small(&|s| s.combination = Combination::DeepCombiner)),
             ("gate=0.25", small(&|s| s.start = Start::Analytic { gate: 0.25 })),
             ("influence=inf", small(&|s| s.influence = Influence::UNLIMITED)),
@@ -260,7 +244,6 @@ mod tests {
             ("window", vec!["8", "1", "27", "-3", "x", ""]),
             ("hidden", vec!["0", "17", "1.5"]),
             ("layers", vec!["0", "33"]),
-            ("start", vec!["random", ""]),
             ("combination", vec!["GC", "f_c"]),
             ("gate", vec!["0", "1", "nan", "off"]),
             ("influence", vec!["0", "-1", "nan", "1e39"]),
@@ -291,8 +274,6 @@ mod tests {
         assert!(message(Preset::Paper, &["rate=0.01"]).contains("noise"));
         assert!(message(Preset::Paper, &["sampling=uniform"]).contains("grid"));
         assert!(message(Preset::Paper, &["gate=0.7"]).contains("random weights"));
-        assert!(message(Preset::Balanced, &["start=built-in", "hidden=8"]).contains("sixteen channels"));
-        assert!(message(Preset::Paper, &["start=built-in"]).contains("sixteen channels"));
         let with_model = apply(&["window=7".into()], &mut Settings::of(Preset::Balanced, 1), true);
         assert!(matches!(with_model, Err(Error::Conflict { key: "window", .. })));
     }

@@ -18,7 +18,7 @@ pub enum Preset {
     Paper,
     /// Fewer steps than `balanced`, at a higher rate, and windows of 13 x 13 pixels.
     Fast,
-    /// Starts from built-in weights, trains a shallow network on small mirrored tiles.
+    /// Starts near z plus a smoothed residual, trains a shallow network on small mirrored tiles.
     Balanced,
     /// As `balanced`, with more steps.
     Quality,
@@ -42,8 +42,6 @@ pub enum Start {
     Random,
     /// g_c ≈ z + smoothed (y - z), and this gate towards z.
     Analytic { gate: f64 },
-    /// Weights fitted to other scenes' frames, of the presets' own shape only.
-    BuiltIn,
 }
 
 /// Which tiles a step sees.
@@ -148,7 +146,7 @@ impl Settings {
             shape: Shape::shallow(Form::Gated),
             radius: PAPER_RADIUS,
             exposure: Exposure::Normalised,
-            start: Start::BuiltIn,
+            start: Start::Analytic { gate: 0.7 },
             combination: Combination::PostCorrection,
             sampling: Sampling::Important,
             tile: 48,
