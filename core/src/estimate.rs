@@ -15,7 +15,7 @@
 
 use crate::features::{DENOISED, RADIANCE};
 use crate::image::Image;
-use crate::objective::RELATIVE_FLOOR;
+use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub struct Mean {
     pub standard_error: Option<f64>,
 }
 
-/// Self-supervised loss (Eq. 9) over the whole picture and both halves.
+/// Self-supervised loss (Eq. 9, the denominator of [`loss`]) over the whole picture and both halves.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Losses {
     pub denoised: f64,
@@ -103,33 +103,30 @@ impl Errors {
     }
 }
 
-/// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units, over `rows`.
+/// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units, over `rows`, with
+/// [`crate::objective::own_weight`]: [`gain`] is the difference of two of these.
 pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
-    sum_blocks(prepared, rows, |i| {
-        (0..2).map(|h| 0.5 * weight(prepared, 1 - h, i) * squared_to(prepared, &pair[h], h, i)).sum()
-    })
+    let of_half = |h: usize, i: usize| 0.5 * weight(prepared, h, i) * squared_to(prepared, &pair[h], h, i);
+    let [blocks] = sum_blocks(prepared, rows, |i| [of_half(0, i) + of_half(1, i)]);
+    blocks
 }
 
 /// Estimate of how much smaller the error of `after` is than that of `before`:
 /// L̂(before) - L̂(after), which needs no variance; over `rows`, with
 /// [`crate::objective::own_weight`].
 pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<usize>) -> Blocks {
-    sum_blocks(prepared, rows, |i| {
-        (0..2)
-            .map(|h| {
-                let other = &prepared.halves[1 - h];
-                let product: f64 = (0..3)
-                    .map(|k| {
-                        let (p, q) = (f64::from(before[h].plane(k)[i]), f64::from(after[h].plane(k)[i]));
-                        let y = f64::from(other.plane(RADIANCE + k)[i]);
-                        // (p - y)² - (q - y)² without the cancellation of two large squares.
-                        (p - q) * (p + q - 2.0 * y)
-                    })
-                    .sum();
-                0.5 * weight(prepared, h, i) * product
-            })
-            .sum()
-    })
+    let of_half = |h: usize, i: usize| {
+        let other = &prepared.halves[1 - h];
+        let product = |k: usize| {
+            let (p, q) = (f64::from(before[h].plane(k)[i]), f64::from(after[h].plane(k)[i]));
+            let y = f64::from(other.plane(RADIANCE + k)[i]);
+            // (p - y)² - (q - y)² without the cancellation of two large squares.
+            (p - q) * (p + q - 2.0 * y)
+        };
+        0.5 * weight(prepared, h, i) * (0..3).map(product).sum::<f64>()
+    };
+    let [blocks] = sum_blocks(prepared, rows, |i| [of_half(0, i) + of_half(1, i)]);
+    blocks
 }
 
 /// Estimated relL2 of the mean of a pair of pictures, in the frame's own exposure, over `rows`;
@@ -142,19 +139,18 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<
 pub fn estimate(prepared: &Prepared, pair: &[Image], correction: &Image, rows: Range<usize>) -> Errors {
     // In the method's units the 0.01 of relL2 is this much.
     let floor = f64::from(RELATIVE_FLOOR * prepared.exposure * prepared.exposure);
-    let over = |corrected: bool| {
-        sum_blocks(prepared, rows.clone(), |i| {
-            let stand_in = |k: usize| {
-                let z = prepared.denoised.plane(k)[i];
-                f64::from(if corrected { (z + correction.plane(k)[i]).max(0.0) } else { z })
-            };
-            let mean = (0..3).map(stand_in).sum::<f64>() / 3.0;
-            let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
-            let squared: f64 = (0..2).map(|h| 0.5 * squared_to(prepared, &pair[h], h, i)).sum();
-            (squared - variance(prepared, i) - 0.25 * apart) / (mean * mean + floor)
+    let [finished, denoised] = sum_blocks(prepared, rows, |i| {
+        let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
+        let squared: f64 = (0..2).map(|h| 0.5 * squared_to(prepared, &pair[h], h, i)).sum();
+        let error = squared - variance(prepared, i) - 0.25 * apart;
+        let z: [f32; 3] = std::array::from_fn(|k| prepared.denoised.plane(k)[i]);
+        let corrected = std::array::from_fn(|k| (z[k] + correction.plane(k)[i]).max(0.0));
+        [corrected, z].map(|stand_in| {
+            let mean = stand_in.map(f64::from).iter().sum::<f64>() / 3.0;
+            error / (mean * mean + floor)
         })
-    };
-    Errors { finished: over(true), denoised: over(false) }
+    });
+    Errors { finished, denoised }
 }
 
 /// ‖x - y‖² at pixel i, y of the half that x of half `h` is compared with.
@@ -169,35 +165,39 @@ fn variance(prepared: &Prepared, i: usize) -> f64 {
     (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum()
 }
 
-/// 1 / (z̄² + 0.01), z of half `h`.
+/// [`crate::objective::own_weight`] of half `h` at pixel i.
 fn weight(prepared: &Prepared, h: usize, i: usize) -> f64 {
-    let z: f32 = (0..3).map(|k| prepared.halves[h].plane(DENOISED + k)[i]).sum::<f32>() / 3.0;
-    f64::from(1.0 / (z * z + RELATIVE_FLOOR))
+    let z = std::array::from_fn(|k| prepared.halves[h].plane(DENOISED + k)[i]);
+    f64::from(weight_of(z, RELATIVE_FLOOR))
 }
 
-/// Sums over the valid pixels of `rows` and three channels of `value(pixel)`.
-fn sum_blocks(prepared: &Prepared, rows: Range<usize>, value: impl Fn(usize) -> f64 + Sync) -> Blocks {
+/// Sums over the valid pixels of `rows` and three channels of the quantities `values(pixel)`.
+fn sum_blocks<const N: usize>(
+    prepared: &Prepared,
+    rows: Range<usize>,
+    values: impl Fn(usize) -> [f64; N] + Sync,
+) -> [Blocks; N] {
     let width = prepared.width();
     let row_of_blocks = |top: usize| {
         let mut blocks = Vec::with_capacity(width.div_ceil(BLOCK));
         for left in (0..width).step_by(BLOCK) {
-            let (mut sum, mut count) = (0.0, 0.0);
+            let (mut sums, mut count) = ([0.0; N], 0.0);
             for y in top..(top + BLOCK).min(rows.end) {
                 for x in left..(left + BLOCK).min(width) {
                     let i = y * width + x;
                     if prepared.is_valid(i) {
-                        sum += value(i);
+                        sums.iter_mut().zip(values(i)).for_each(|(sum, value)| *sum += value);
                         count += 3.0;
                     }
                 }
             }
-            blocks.push((sum, count));
+            blocks.push((sums, count));
         }
         blocks
     };
     let tops: Vec<usize> = rows.clone().step_by(BLOCK).collect();
-    let blocks: Vec<Vec<(f64, f64)>> = tops.into_par_iter().map(row_of_blocks).collect();
-    Blocks(blocks.concat())
+    let blocks: Vec<Vec<([f64; N], f64)>> = tops.into_par_iter().map(row_of_blocks).collect();
+    std::array::from_fn(|n| Blocks(blocks.iter().flatten().map(|(sums, count)| (sums[n], *count)).collect()))
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ mod weight;
 pub use loss::{HalfObjective, Objective};
 pub use step::{Step, Workspaces};
 pub use tile::{Mirror, Tile};
-pub use weight::{own_weight, relative_weight, triple};
+pub use weight::{own_weight, relative_weight, triple, weight_of};
 
 /// Added to the squared mean radiance in every relative error.
 pub const RELATIVE_FLOOR: f32 = 0.01;

@@ -5,14 +5,19 @@ use crate::features::DENOISED;
 use crate::image::Image;
 use crate::prepare::Prepared;
 
+/// 1 / (z̄² + floor) of one pixel's z.
+pub fn weight_of(z: [f32; 3], floor: f32) -> f32 {
+    let mean = (z[0] + z[1] + z[2]) / 3.0;
+    1.0 / (mean * mean + floor)
+}
+
 /// 1 / (z̄² + floor) of features `[13, H, W]`, 0 where a pixel is missing.
 pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> Image {
     Image::from_rows(1, features.height(), features.width(), |_, y, row| {
         let z: [&[f32]; 3] = std::array::from_fn(|k| features.row(DENOISED + k, y));
         let valid = valid.map(|v| v.row(0, y));
         for (x, weight) in row.iter_mut().enumerate() {
-            let mean = (z[0][x] + z[1][x] + z[2][x]) / 3.0;
-            *weight = if valid.is_some_and(|v| v[x] == 0.0) { 0.0 } else { 1.0 / (mean * mean + floor) };
+            *weight = if valid.is_some_and(|v| v[x] == 0.0) { 0.0 } else { weight_of(z.map(|z| z[x]), floor) };
         }
     })
 }
