@@ -12,10 +12,9 @@ use sspc_core::prepare::{Findings, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::simd::Isa;
 use sspc_train::backend::Backend;
-use sspc_train::fit::{Control, Limits, fit};
+use sspc_train::fit::{Control, Limits, fit, starting_network};
 use sspc_train::model::{Corrector, TileBatch, to_vec};
 use sspc_train::preset::{Preset, Settings};
-use sspc_train::start::starting_network;
 use std::sync::Arc;
 
 const BACKENDS: [Backend; 2] = [Backend::Flex, Backend::Ndarray];

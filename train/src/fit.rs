@@ -3,14 +3,15 @@
 use crate::backend::Backend;
 use crate::guard::Guard;
 use crate::model::{Corrector, TileBatch, to_vec};
-use crate::preset::{Denominator, Rate, Settings};
+use crate::preset::{Denominator, Rate, Settings, Start};
 use crate::tiles::Schedule;
 use burn::optim::{AdamConfig, GradientsParams};
 use sspc_core::features::RADIANCE;
 use sspc_core::gc::Taps;
-use sspc_core::network::Network;
+use sspc_core::network::{Network, start};
 use sspc_core::objective::{Objective, Workspaces};
 use sspc_core::prepare::Prepared;
+use sspc_core::rng::Rng;
 use sspc_core::simd::Isa;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -69,6 +70,17 @@ pub struct Fitted {
     pub dropped: usize,
     pub end: End,
     pub seconds: f64,
+}
+
+/// The network that training of `settings` starts from.
+pub fn starting_network(settings: &Settings) -> Network {
+    let rng = &mut Rng::new(settings.seed);
+    let mut network = match settings.start {
+        Start::Random => start::paper(settings.shape, rng),
+        Start::Analytic { gate } => start::analytic(settings.shape, gate, rng),
+    };
+    settings.combination.fix(&mut network);
+    network
 }
 
 /// The objective of one frame under `settings`.

@@ -3,14 +3,13 @@
 use crate::cli::FitArgs;
 use crate::error::Error;
 use crate::experiment;
-use crate::fit::{Control, Fitted, Limits, fit};
+use crate::fit::{Control, Fitted, Limits, fit, starting_network};
 use crate::inputs::{Input, frame_files, read, read_shot};
 use crate::interrupt::interrupted;
 use crate::output::OutputFolder;
 use crate::preset::Settings;
 use crate::progress::Progress;
 use crate::report::{RelL2, Report, Seconds, peak_rss_bytes, settings_json};
-use crate::start::starting_network;
 use crate::write::{check_outputs, write_outputs};
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::fill;

@@ -22,6 +22,5 @@ pub mod output;
 pub mod preset;
 pub mod progress;
 pub mod report;
-pub mod start;
 pub mod tiles;
 pub mod write;

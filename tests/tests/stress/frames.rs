@@ -11,9 +11,8 @@ use sspc_core::network::Network;
 use sspc_core::prepare::Prepared;
 use sspc_core::simd::Isa;
 use sspc_train::backend::Backend;
-use sspc_train::fit::{Control, Fitted, Limits, fit};
+use sspc_train::fit::{Control, Fitted, Limits, fit, starting_network};
 use sspc_train::preset::Settings;
-use sspc_train::start::starting_network;
 use std::path::PathBuf;
 
 /// The textured scene of the kernels' cases as a frame with every role.

@@ -8,8 +8,8 @@ use crate::frames::{corrected, fitted, reference, sample, scaled};
 use sspc_core::image::Image;
 use sspc_core::metric::rel_l2;
 use sspc_core::prepare::Prepared;
+use sspc_train::fit::starting_network;
 use sspc_train::preset::{Preset, Settings};
-use sspc_train::start::starting_network;
 
 /// Of a pixel's value, or of a hundredth of the picture's mean where it is darker than that.
 const TOLERANCE: f64 = 1e-4;
