@@ -134,7 +134,7 @@ impl Tally {
             Some(error) if gain.value != 0.0 => {
                 format!("the self-supervised loss does not fall: gain {:.3e} ± {error:.1e}", gain.value)
             }
-            _ => "there is nothing to correct".to_string(),
+            _ => "nothing is added to the denoiser's picture".to_string(),
         });
         let (loss, error) = match fallback {
             Some(_) => (&self.loss_denoised, &self.error_denoised),

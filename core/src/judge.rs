@@ -13,6 +13,7 @@ use crate::smooth::box_mean;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub(crate) const JUDGE_RADIUS: usize = 15;
+
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
 pub(crate) struct Evidence {
     /// Σ w r·d
@@ -54,5 +55,56 @@ impl Evidence {
         Image::from_rows(1, size.height(), size.width(), |_, y, row| {
             row.iter_mut().enumerate().for_each(|(x, s)| *s = share(y, x));
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::{FEATURE_CHANNELS, FeatureSet};
+    use crate::plan::Plan;
+    use crate::prepare::Findings;
+    use std::sync::Arc;
+
+    const TRUTH: f32 = 1.0;
+    const Z: f32 = 0.5;
+
+    /// Halves without noise: y is the truth, z is grey.
+    fn without_noise(height: usize, width: usize) -> Prepared {
+        let value = |c, _, _| if c >= DENOISED { Z } else { TRUTH };
+        let half = Arc::new(Image::from_fn(FEATURE_CHANNELS, height, width, value));
+        Prepared {
+            exposure: 1.0,
+            halves: [half.clone(), half],
+            denoised: Image::filled(3, height, width, Z),
+            valid: None,
+            set: FeatureSet::NONE,
+            plan: Plan::everything(height, width),
+            found: Findings::default(),
+        }
+    }
+
+    #[test]
+    fn the_share_is_what_of_a_correction_leads_to_the_truth() {
+        let prepared = without_noise(4, 6);
+        // How far the correction goes, the truth at 1, and the share that is best.
+        for (far, best) in [(1.0, 1.0), (2.0, 0.5), (4.0, 0.25), (0.5, 1.0), (-1.0, 0.0), (0.0, 0.0)] {
+            let corrected = || Image::filled(3, 4, 6, Z + far * (TRUTH - Z));
+            let share = Evidence::of(&prepared, &[corrected(), corrected()]).share();
+            assert!(share.data().iter().all(|s| (s - best).abs() < 1e-6), "{far}: {:?}", share.data());
+        }
+    }
+
+    #[test]
+    fn places_further_apart_than_two_box_means_judge_for_themselves() {
+        let reach = 2 * JUDGE_RADIUS;
+        let (prepared, width) = (without_noise(1, 3 * reach), 3 * reach);
+        // Too far on the left, just right on the right.
+        let corrected = || Image::from_fn(3, 1, width, |_, _, x| if x < width / 2 { 2.0 * TRUTH - Z } else { TRUTH });
+        let share = Evidence::of(&prepared, &[corrected(), corrected()]).share();
+        let row = share.row(0, 0);
+        assert!(row[..width / 2 - reach].iter().all(|s| (s - 0.5).abs() < 1e-5), "{row:?}");
+        assert!(row[width / 2 + reach..].iter().all(|s| (s - 1.0).abs() < 1e-5), "{row:?}");
+        assert!(row.is_sorted(), "{row:?}");
     }
 }

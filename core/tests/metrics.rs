@@ -7,7 +7,7 @@ use sspc_core::io::read_picture;
 use sspc_core::metric::displayed::Displayed;
 use sspc_core::metric::flip::flip_map;
 use sspc_core::metric::relative::rel_l2_map;
-use sspc_core::metric::{figures, rel_l2, rel_l2_smooth, smape};
+use sspc_core::metric::{brightness, figures, rel_l2, rel_l2_smooth, smape};
 use std::path::PathBuf;
 
 /// f64 sums of a few f32 values: only the inputs' own rounding remains.
@@ -120,6 +120,14 @@ fn smape_by_hand() {
     let r = Image::from_planes(1, 1, 3, vec![0.0, 0.0, 1.0]);
     // 0, 2 and 2·2/4.
     assert_near(smape(&x, &plain(r)).value, 1.0, EXACT);
+}
+
+#[test]
+fn brightness_by_hand() {
+    let r = Image::from_planes(1, 1, 3, vec![1.0, 3.0, 100.0]);
+    let x = Image::from_planes(1, 1, 3, vec![2.0, 1.0, f32::NAN]);
+    assert_near(brightness(&x, &r), 0.75, EXACT);
+    assert!(brightness(&x, &Image::zeros(1, 1, 3)).is_nan(), "against black");
 }
 
 #[test]

@@ -149,7 +149,7 @@ fn json(evaluation: &Evaluation) -> Result<String, Failure> {
 fn table(evaluation: &Evaluation) -> String {
     let noise = if evaluation.reference_noise_removed { "taken out" } else { "left in (it has no halves)" };
     let mut text = format!(
-        "{} against {}: {}x{}, exposure {:.4}, reference noise {noise}\n{:<9} {:>11} {:>11} {:>11} {:>8} {:>8} {:>7} {:>7} {:>9}\n",
+        "{} against {}: {}x{}, exposure {:.4}, reference noise {noise}\n{:<9} {:>11} {:>11} {:>11} {:>10} {:>8} {:>8} {:>7} {:>7} {:>9}\n",
         evaluation.picture.display(),
         evaluation.reference.display(),
         evaluation.width,
@@ -159,6 +159,7 @@ fn table(evaluation: &Evaluation) -> String {
         "relL2",
         "std. error",
         "smooth",
+        "brightness",
         "SMAPE",
         "PSNR dB",
         "SSIM",
@@ -176,10 +177,11 @@ fn table(evaluation: &Evaluation) -> String {
 
 fn row(name: &str, figures: &Figures) -> String {
     format!(
-        "{name:<9} {:>11.6} {:>11.6} {:>11.6} {:>8.4} {:>8.2} {:>7.4} {:>7.4} {:>9}\n",
+        "{name:<9} {:>11.6} {:>11.6} {:>11.6} {:>10.4} {:>8.4} {:>8.2} {:>7.4} {:>7.4} {:>9}\n",
         figures.rel_l2,
         figures.rel_l2_standard_error,
         figures.rel_l2_smooth,
+        figures.brightness,
         figures.smape,
         figures.psnr,
         figures.ssim,

@@ -39,7 +39,9 @@ fn figures_are_printed_for_people() {
     let table = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(output.stderr.is_empty());
-    for word in ["relL2", "SMAPE", "PSNR", "SSIM", "FLIP", "picture", "denoised", "ratio", "256x192", "0.001852"] {
+    for word in
+        ["relL2", "brightness", "SMAPE", "PSNR", "SSIM", "FLIP", "picture", "denoised", "ratio", "256x192", "0.001852"]
+    {
         assert!(table.contains(word), "'{word}' in\n{table}");
     }
 }
@@ -70,7 +72,9 @@ fn json_has_every_figure_and_an_error_map_is_written() {
     near(&json["denoised"]["figures"]["rel_l2"], 0.001_851_655_15);
     near(&json["denoised"]["rel_l2_ratio"], 1.0);
     near(&json["denoised"]["rel_l2_smooth_ratio"], 1.0);
-    for figure in ["smape", "psnr", "ssim", "flip", "pixels", "excluded", "rel_l2_standard_error", "rel_l2_smooth"] {
+    for figure in
+        ["brightness", "smape", "psnr", "ssim", "flip", "pixels", "excluded", "rel_l2_standard_error", "rel_l2_smooth"]
+    {
         assert!(json["figures"][figure].is_number(), "{figure}");
     }
     assert_eq!(json["reference_noise_removed"], true);

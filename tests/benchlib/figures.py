@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from statistics import median
+from statistics import fmean, median
 
 from .frames import SAMPLE
 
@@ -30,6 +30,9 @@ class Cell:
     ratio: float | None
     # The same of relL2 with a smooth denominator.
     smooth: float | None
+    # Mean of the picture over that of the reference: corrected, and denoised.
+    brightness: float | None
+    denoised_brightness: float | None
     # Whole-process wall seconds: median, least and most.
     seconds: float
     least_seconds: float
@@ -87,6 +90,8 @@ def cell(group):
     return Cell(
         ratio=geometric_mean(ratios.values()) if ratios else None,
         smooth=geometric_mean(smooth.values()) if smooth else None,
+        brightness=mean_brightness(group, "evaluated"),
+        denoised_brightness=mean_brightness(group, "evaluated_denoised"),
         seconds=median(walls),
         least_seconds=min(walls),
         most_seconds=max(walls),
@@ -95,6 +100,12 @@ def cell(group):
         steps=round(median(steps)) if steps else None,
         fallback=next((result["fallback"] for result in group if result.get("fallback")), None),
     )
+
+
+def mean_brightness(group, picture):
+    known = [(result.get(picture) or {}).get("brightness") for result in group]
+    known = [value for value in known if value is not None]
+    return fmean(known) if known else None
 
 
 def judged(frames):

@@ -132,6 +132,7 @@ class Record:
             "## Goals\n\n" + self.goals_table(),
             "## relL2 ÷ the denoiser's\n\n" + self.ratio_table(),
             "## The same with a smooth denominator\n\n" + self.smooth_table(),
+            "## Mean brightness\n\n" + self.brightness_table(),
             "## Seconds, file to file\n\n" + self.seconds_table(),
             "## Where the seconds go\n\n" + self.split_table(),
             "## The same work in PyTorch\n\n" + same if same else "",
@@ -218,6 +219,21 @@ class Record:
             "3 x 3 pixels of the reference, which takes most of that away."
         )
         return note + "\n\n" + table(["frame", *headings], body)
+
+    def brightness_table(self):
+        headings = [heading for heading, _, _ in self.columns]
+
+        def cells_of(frame):
+            return [self.cells.get((frame.name, heading)) for heading in headings]
+
+        body = []
+        for frame in self.frames:
+            known = [cell for cell in cells_of(frame) if cell and cell.denoised_brightness is not None]
+            if known:
+                corrected = [percent(cell and cell.brightness) for cell in cells_of(frame)]
+                body.append([frame.name, percent(known[0].denoised_brightness), *corrected])
+        note = "Mean of the picture against that of the reference, in per cent: 0 is all the energy, less is darker."
+        return note + "\n\n" + table(["frame", "denoised", *headings], body) if body else "Not measured."
 
     def mean_row(self, title, frames):
         mix = number(figures.mean_over(frames, lambda f: self.mix_ratio(f.name)))
@@ -306,6 +322,10 @@ class Record:
 
 def number(value, digits=3):
     return "-" if value is None else f"{value:.{digits}f}"
+
+
+def percent(ratio):
+    return "-" if ratio is None else f"{100 * (ratio - 1):+.2f}"
 
 
 def spaced(values):

@@ -16,6 +16,9 @@ from .jobs import TORCH
 # almost cancel in relL2, so that more than this between report.json and the file written means a wrong answer.
 FILE_TOLERANCE = 1e-3
 
+# Its tensors are small: a second thread adds more processor seconds than it saves.
+TORCH_THREADS = 1
+
 
 class Failed(Exception):
     """A run that did not end well, or whose answer is not what it says."""
@@ -145,11 +148,8 @@ def torch(job, programs, folder, environment, limit):
     relL2 of that picture is left to `check`.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    threads = environment.get("RAYON_NUM_THREADS") or str(len(os.sched_getaffinity(0)))
-    # A thread that waits for another one spins by default, and the spinning would count as processor seconds.
-    environment = environment | {"OMP_WAIT_POLICY": "PASSIVE"}
     frame = job.frame
-    command = [str(programs.python), "-m", "sspc_reference", "--threads", threads, "fit"]
+    command = [str(programs.python), "-m", "sspc_reference", "--threads", str(TORCH_THREADS), "fit"]
     command += [str(frame.a.resolve()), str(frame.b.resolve()), "--preset", "paper", "--seed", str(job.seed)]
     command += ["--reference", str(frame.reference.resolve()), "--weights", str(folder / "weights.npy")]
     command += ["-o", str(folder / "corrected.exr"), *job.method.arguments]
@@ -161,7 +161,7 @@ def torch(job, programs, folder, environment, limit):
         figures = {"noisy": values["noisy"], "denoised": denoised, "corrected": values["corrected"]}
     except KeyError as missing:
         raise Failed(f"sspc_reference printed no relL2 of {missing}") from missing
-    return measured(process) | {"threads": int(threads), "fallback": None, "rel_l2": figures}
+    return measured(process) | {"threads": TORCH_THREADS, "fallback": None, "rel_l2": figures}
 
 
 def check(job, programs, folder, environment, limit, result):
@@ -190,8 +190,9 @@ def check(job, programs, folder, environment, limit, result):
     if result["fallback"] and not agrees(result["rel_l2"]["corrected"], result["rel_l2"]["denoised"]):
         raise Failed("the run says that the output is the denoiser's, but its relL2 is not the denoiser's")
     size = {"width": evaluation["width"], "height": evaluation["height"]}
-    smooth = (evaluation.get("denoised") or {}).get("rel_l2_smooth_ratio")
-    return size | {"evaluated": evaluation["figures"], "smooth_ratio": smooth}
+    beside = evaluation.get("denoised") or {}
+    evaluated = {"evaluated": evaluation["figures"], "evaluated_denoised": beside.get("figures")}
+    return size | evaluated | {"smooth_ratio": beside.get("rel_l2_smooth_ratio")}
 
 
 def agrees(said, found):

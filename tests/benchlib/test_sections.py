@@ -18,6 +18,11 @@ def predicted(name, estimate, halves=(0.02, 0.01), **more):
     return out
 
 
+def record_of(*results):
+    columns = list(dict.fromkeys((r["column"], r["method"], r["preset"]) for r in results))
+    return record.Record({}, [frame("f"), frame("g")], columns, list(results), lambda _: None)
+
+
 class EqualTime(unittest.TestCase):
     def test_samples_on_between_and_beyond_the_steps(self):
         # relL2 = 1 / samples, then twice as steep.
@@ -142,23 +147,36 @@ class Ablations(unittest.TestCase):
         self.assertEqual([f.name for f in ablations.chosen(found)], ["s/1", "still"])
 
 
-class SameWork(unittest.TestCase):
-    def record(self, *results):
-        columns = list(dict.fromkeys((r["column"], r["method"], r["preset"]) for r in results))
-        return record.Record({}, [frame("f"), frame("g")], columns, list(results), lambda _: None)
+class OfTheWholePicture(unittest.TestCase):
+    """Figures that stand in tables of their own."""
 
+    def one(self, name, brightness, smooth=None):
+        return result(name, evaluated={"brightness": brightness}, evaluated_denoised={"brightness": 0.995}, smooth_ratio=smooth)
+
+    def test_brightness_in_per_cent_of_the_reference(self):
+        found = record_of(self.one("f", 0.98), self.one("f", 0.99) | {"seed": 2}, result("g")).brightness_table()
+        self.assertIn("| f | -0.50 | -1.50 |", found)
+        self.assertNotIn("| g |", found, "what was not measured has no row")
+
+    def test_the_smooth_figure_and_its_mean(self):
+        found = record_of(self.one("f", 1, 0.5), self.one("g", 1, 0.72)).smooth_table()
+        self.assertIn("| f | 0.500 |", found)
+        self.assertIn("| **geometric mean, 2 frames** | 0.600 |", found)
+
+
+class SameWork(unittest.TestCase):
     def test_others_are_held_against_pytorch_on_its_frames(self):
         torch = result("f", jobs.TORCH, ratio=2.0, cpu_seconds=300.0)
         ours = [result(name, jobs.PAPER, ratio=1.0, cpu_seconds=10.0) for name in "fg"]
-        found = same_work.figures(self.record(torch, *ours, result("f", "fast")))
+        found = same_work.figures(record_of(torch, *ours, result("f", "fast")))
         self.assertEqual([(f["frame"], f["column"]) for f in found], [("f", jobs.TORCH), ("f", jobs.PAPER)])
         self.assertAlmostEqual(found[1]["times_faster"], 30)
         self.assertAlmostEqual(found[1]["ratio_to_torch"], 0.5)
-        self.assertIn("| 1.000 | 0.50 | 10.0 | 30.0 |", same_work.text(self.record(torch, *ours), record.table))
+        self.assertIn("| 1.000 | 0.50 | 10.0 | 30.0 |", same_work.text(record_of(torch, *ours), record.table))
 
     def test_without_pytorch_there_is_nothing_to_say(self):
         failed = result("f", jobs.TORCH, failure="broken")
-        self.assertEqual(same_work.text(self.record(failed, result("f", jobs.PAPER)), record.table), "")
+        self.assertEqual(same_work.text(record_of(failed, result("f", jobs.PAPER)), record.table), "")
 
 
 class Methods(unittest.TestCase):

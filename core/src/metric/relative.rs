@@ -64,6 +64,25 @@ pub fn smape(image: &Image, reference: &Reference) -> Measured {
     })
 }
 
+/// Mean of the picture over that of the reference, Σx / Σr over pixels finite in both and all channels: 1 where no energy
+/// was lost or added; NaN where the reference is black.
+///
+/// # Panics
+/// When the images do not have one shape.
+pub fn brightness(image: &Image, reference: &Image) -> f64 {
+    assert_same_shape(image, reference);
+    let (mut own, mut truth) = (0.0, 0.0);
+    for i in 0..image.pixels() {
+        let of_pixel = |image: &Image| channel_mean(image, i);
+        let (x, r) = (of_pixel(image), of_pixel(reference));
+        if x.is_finite() && r.is_finite() {
+            own += x;
+            truth += r;
+        }
+    }
+    if truth > 0.0 { own / truth } else { f64::NAN }
+}
+
 /// (x − r)² / (r̄² + 0.01) averaged over the channels of each pixel, `[1, H, W]`; NaN where a value is missing. The
 /// reference's noise is left in: of one pixel it cannot be told.
 ///
