@@ -48,7 +48,7 @@ fn prepared(height: usize, width: usize) -> Prepared {
 fn batch(form: Form) -> (TileBatch, Vec<f32>) {
     let objective = Objective::new(&prepared(24, 31), form, Taps::square(4), FeatureSet::ALL);
     let region = Region { top: 3, left: 2, height: 13, width: 18 };
-    let mirror = |half| Mirror { rows: half == 1, columns: true };
+    let mirror = |half| Mirror { rows: half == 1, columns: true, diagonal: false };
     let tiles = (0..2).map(|half| Tile { half, region, mirror: mirror(half) }).collect();
     let shape = Shape::paper(form);
     let weights = start::analytic(shape, 0.6, &mut Rng::new(3)).weights;

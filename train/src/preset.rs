@@ -20,7 +20,7 @@ pub enum Preset {
     Fast,
     /// Starts near z plus a smoothed residual, trains a shallow network on small mirrored tiles.
     Balanced,
-    /// As `balanced`, with more steps.
+    /// As `balanced`, with more steps, the more the larger the picture.
     Quality,
 }
 
@@ -98,6 +98,9 @@ impl Influence {
     }
 }
 
+/// `quality`'s steps are for this many pixels at least.
+const QUALITY_STEPS_GROW_FROM: usize = 640 * 360;
+
 /// Everything that decides how a fit runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -116,6 +119,8 @@ pub struct Settings {
     pub rate: Rate,
     /// Steps; for grids epochs decide instead.
     pub steps: usize,
+    /// Pictures of more pixels than this take more steps, in proportion to the root of their pixels.
+    pub steps_grow_from: Option<usize>,
     /// Epochs over a grid.
     pub epochs: usize,
     /// Whose z is in the loss's denominator.
@@ -153,6 +158,7 @@ impl Settings {
             batch: 8,
             rate: Rate::Cosine { peak, warm_up: 10 },
             steps,
+            steps_grow_from: None,
             epochs: 0,
             denominator: Denominator::OwnHalf,
             influence: Influence { first: 1.0, last: 10.0 },
@@ -181,8 +187,11 @@ impl Settings {
             // Less than half the taps; a hundredth more error after as many steps.
             Preset::Fast => Settings { radius: 6, ..ours },
             Preset::Balanced => ours,
-            // Over so many steps the noise of the tiles drawn most often would be learnt by heart.
-            Preset::Quality => Settings { sampling: Sampling::Uniform, ..ours },
+            // Over so many steps the noise of the tiles drawn most often would be learnt by heart. On a
+            // picture of 1280 x 720, twice the steps take off another fiftieth of the error.
+            Preset::Quality => {
+                Settings { sampling: Sampling::Uniform, steps_grow_from: Some(QUALITY_STEPS_GROW_FROM), ..ours }
+            }
         }
     }
 }

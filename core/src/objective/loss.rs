@@ -146,7 +146,7 @@ impl Objective {
     fn activate(&self, isa: Isa, tile: &Tile, outputs: &[f32], parameters: &mut Vec<f32>) {
         parameters.clear();
         parameters.extend_from_slice(outputs);
-        tile.mirror.apply(parameters, tile.region.height, tile.region.width);
+        tile.mirror.undo(parameters, tile.region.height, tile.region.width);
         activate(isa, self.form, parameters);
     }
 
@@ -295,13 +295,14 @@ mod tests {
         let mut rng = Rng::new(5);
         let prepared = prepared(&mut rng);
         let objective = Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set);
-        let region = Region { top: 4, left: 7, height: 9, width: 12 };
+        let region = Region { top: 4, left: 7, height: 9, width: 9 };
         let outputs: Vec<f32> = (0..16 * region.pixels()).map(|_| rng.normal()).collect();
         let isa = Isa::best();
         let upright = [Tile::upright(1, region)];
         let (loss, gradient) = objective.loss(isa, &upright, &outputs, 0.1, 1.0);
-        for (rows, columns) in [(true, false), (false, true), (true, true)] {
-            let mirror = Mirror { rows, columns };
+        for bits in 1..8 {
+            let [rows, columns, diagonal] = [1, 2, 4].map(|bit| bits & bit != 0);
+            let mirror = Mirror { rows, columns, diagonal };
             let mirrored = |values: &[f32]| {
                 let mut values = values.to_vec();
                 mirror.apply(&mut values, region.height, region.width);
@@ -310,9 +311,13 @@ mod tests {
             let tile = [Tile { mirror, ..upright[0] }];
             let features = objective.tile_features(&tile);
             assert_eq!(features, mirrored(&objective.tile_features(&upright)), "{mirror:?}");
-            let (first, last) = (features[0], if rows { region.height - 1 } else { 0 });
-            let corner = prepared.halves[1].at(0, 4 + last, 7 + if columns { 11 } else { 0 });
-            assert_eq!(first, corner, "{mirror:?}: the corner");
+            // The first pixel seen, and the second of the first row seen, by their places in the picture.
+            let seen = |y: usize, x: usize| {
+                let (y, x) = (if rows { 8 - y } else { y }, if columns { 8 - x } else { x });
+                prepared.halves[1].at(0, 4 + y, 7 + x)
+            };
+            let second = if diagonal { seen(1, 0) } else { seen(0, 1) };
+            assert_eq!(features[..2], [seen(0, 0), second], "{mirror:?}: the corner");
             assert_eq!(objective.correct(isa, &tile, &mirrored(&outputs)), objective.correct(isa, &upright, &outputs));
             let seen = objective.loss(isa, &tile, &mirrored(&outputs), 0.1, 1.0);
             assert_eq!((seen.0, seen.1), (loss, mirrored(&gradient)), "{mirror:?}");
