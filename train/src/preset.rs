@@ -112,6 +112,8 @@ pub struct Settings {
     pub start: Start,
     pub combination: Combination,
     pub sampling: Sampling,
+    /// Whether random tiles are mirrored in all eight ways: four otherwise, without the diagonal.
+    pub diagonal: bool,
     /// Side of a tile in pixels; smaller pictures are one tile.
     pub tile: usize,
     /// Tiles a step; of a grid, places, each of which gives a tile of both halves.
@@ -154,6 +156,7 @@ impl Settings {
             start: Start::Analytic { gate: 0.7 },
             combination: Combination::PostCorrection,
             sampling: Sampling::Important,
+            diagonal: false,
             tile: 48,
             batch: 8,
             rate: Rate::Cosine { peak, warm_up: 10 },
@@ -187,11 +190,15 @@ impl Settings {
             // Less than half the taps; a hundredth more error after as many steps.
             Preset::Fast => Settings { radius: 6, ..ours },
             Preset::Balanced => ours,
-            // Over so many steps the noise of the tiles drawn most often would be learnt by heart. On a
-            // picture of 1280 x 720, twice the steps take off another fiftieth of the error.
-            Preset::Quality => {
-                Settings { sampling: Sampling::Uniform, steps_grow_from: Some(QUALITY_STEPS_GROW_FROM), ..ours }
-            }
+            // Over so many steps the noise of the tiles drawn most often would be learnt by heart; fewer
+            // have no time to learn eight images. On a picture of 1280 x 720, twice the steps take off
+            // another fiftieth of the error.
+            Preset::Quality => Settings {
+                sampling: Sampling::Uniform,
+                diagonal: true,
+                steps_grow_from: Some(QUALITY_STEPS_GROW_FROM),
+                ..ours
+            },
         }
     }
 }

@@ -20,6 +20,8 @@ pub struct Schedule {
     height: usize,
     width: usize,
     tile: (usize, usize),
+    /// Whether tiles are also mirrored at their diagonal.
+    diagonal: bool,
     grid: Option<Grid>,
     /// Blocks that random tiles lie over.
     blocks: Vec<Region>,
@@ -67,6 +69,7 @@ impl Schedule {
             height,
             width,
             tile,
+            diagonal: settings.diagonal && tile.0 == tile.1,
             grid,
             cumulative: (1..=blocks.len()).map(|n| n as f64).collect(),
             blocks,
@@ -99,7 +102,7 @@ impl Schedule {
 
     /// The tiles of the next step.
     pub fn next_batch(&mut self) -> Vec<Tile> {
-        let (rng, tile) = (&mut self.rng, self.tile);
+        let (rng, tile, diagonal) = (&mut self.rng, self.tile, self.diagonal);
         match &mut self.grid {
             None => (0..self.batch)
                 .map(|i| {
@@ -111,7 +114,7 @@ impl Schedule {
                     let left = x.saturating_sub(rng.below(tile.1)).min(self.width - tile.1);
                     let region = Region { top, left, height: tile.0, width: tile.1 };
                     let mut toss = || rng.below(2) == 1;
-                    let mirror = Mirror { rows: toss(), columns: toss(), diagonal: tile.0 == tile.1 && toss() };
+                    let mirror = Mirror { rows: toss(), columns: toss(), diagonal: diagonal && toss() };
                     Tile { half: i % 2, region, mirror }
                 })
                 .collect(),
@@ -175,10 +178,20 @@ mod tests {
 
     #[test]
     fn tiles_stay_inside_pictures_smaller_than_a_tile() {
-        for preset in [Preset::Paper, Preset::Balanced] {
+        for preset in [Preset::Paper, Preset::Balanced, Preset::Quality] {
             let mut schedule = Schedule::new(&Settings::of(preset, 1), &Plan::everything(1, 7), 1, 7, None);
             let tiles = schedule.next_batch();
-            assert!(tiles.iter().all(|t| t.region.height == 1 && t.region.width == 7));
+            assert!(tiles.iter().all(|t| t.region.height == 1 && t.region.width == 7 && !t.mirror.diagonal));
+        }
+    }
+
+    #[test]
+    fn every_mirror_image_of_a_preset_comes_up() {
+        for (preset, images) in [(Preset::Paper, 1), (Preset::Balanced, 4), (Preset::Quality, 8)] {
+            let mut schedule = Schedule::new(&Settings::of(preset, 1), &Plan::everything(360, 640), 360, 640, None);
+            let tiles = (0..20).flat_map(|_| schedule.next_batch());
+            let seen: std::collections::HashSet<_> = tiles.map(|t| format!("{:?}", t.mirror)).collect();
+            assert_eq!(seen.len(), images, "{preset}: {seen:?}");
         }
     }
 }
