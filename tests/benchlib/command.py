@@ -11,6 +11,7 @@ import tempfile
 import time
 from datetime import datetime, timezone
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 
 from . import ablations, derived, frames, jobs, machine, runs
@@ -48,7 +49,10 @@ def main(arguments=None):
 def compare(found, programs, options, arguments, scratch):
     """Methods and presets on every frame, and their record; the exit code."""
     problems = []
-    if options.frames and options.large:
+    if options.crops:
+        cut = [derive(partial(derived.quarter, index=index), frame, programs, scratch, problems) for frame in found for index in range(4)]
+        found = [quarter for quarters in cut for quarter in quarters]
+    elif options.frames and options.large:
         found = found + derive(derived.fourfold, derived.source(found), programs, scratch, problems)
     methods = jobs.methods(
         options.methods, options.presets, options.method, options.steps,
@@ -146,6 +150,7 @@ def command_line():
     parser.add_argument("--torch-frames", type=names, default=("sample",), metavar="GLOB,GLOB", help="frames that PyTorch is run on (default sample)")
     parser.add_argument("--torch-timeout", type=positive, default=3600, metavar="SECONDS", help="a PyTorch run that lasts longer failed (default 3600)")
     parser.add_argument("--no-large", dest="large", action="store_false", help="without the frame of 1280 x 720")
+    parser.add_argument("--crops", action="store_true", help="instead of the frames their quarters, each a picture of its own: does one come out worse?")
     parser.add_argument("--ablations", choices=presets, metavar="PRESET",
                         help="instead of methods and presets: this preset with one thing changed at a time, on every frame as denoised "
                         "(of a shot, the first), and a record of its own")

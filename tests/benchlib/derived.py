@@ -1,4 +1,4 @@
-"""Frames made of other frames, by the example edit_exr: one of 1280 x 720 pixels to time, one with an empty half."""
+"""Frames made of other frames, by the example edit_exr: one of 1280 x 720 pixels to time, one with an empty half, quarters."""
 
 import dataclasses
 import struct
@@ -34,6 +34,19 @@ def half_empty(frame, tool, folder):
         return ("blank", str(width // 2), "0", str(width - width // 2), str(height))
 
     return made(frame, tool, folder, "half-empty", blank)
+
+
+def quarter(frame, tool, folder, index):
+    """The `index`-th quarter of a frame, 0 to 3: a picture of its own, smaller and less mixed."""
+
+    def crop(path):
+        width, height = size(path)
+        row, column = divmod(index, 2)
+        left, top = column * (width // 2), row * (height // 2)
+        right, bottom = (width if column else width // 2), (height if row else height // 2)
+        return ("crop", *map(str, (left, top, right - left, bottom - top)))
+
+    return dataclasses.replace(made(frame, tool, folder, f"quarter-{index + 1}", crop), variant=frame.variant)
 
 
 def made(frame, tool, folder, name, arguments):

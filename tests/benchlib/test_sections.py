@@ -206,6 +206,19 @@ class Derived(unittest.TestCase):
                 with self.assertRaises(derived.NoTool):
                     derived.size(path)
 
+    def test_quarters_cover_the_frame_and_keep_its_kind(self):
+        (sample,) = command.frames.sample(command.REPOSITORY)
+        with tempfile.TemporaryDirectory() as folder:
+            tool = Path(folder, "edit_exr")
+            # In its place a program that writes what it was told.
+            tool.write_text('#!/bin/sh\nshift 2\necho "$@" > "$1"\n')
+            tool.chmod(0o755)
+            odd = [derived.quarter(sample, tool, folder, index) for index in range(4)]
+            self.assertEqual([f.name for f in odd], [f"sample/quarter-{n}" for n in (1, 2, 3, 4)])
+            self.assertEqual([f.variant for f in odd], [None] * 4)
+            told = [f.a.read_text().split()[1:] for f in odd]
+        self.assertEqual(told, [["0", "0", "128", "96"], ["128", "0", "128", "96"], ["0", "96", "128", "96"], ["128", "96", "128", "96"]])
+
     def test_without_the_tool_the_reason_is_said(self):
         with self.assertRaisesRegex(derived.NoTool, "--examples"):
             derived.fourfold(frame("f"), Path("no-such-program"), "folder")
