@@ -7,7 +7,7 @@ use sspc_core::io::read_picture;
 use sspc_core::metric::displayed::Displayed;
 use sspc_core::metric::flip::flip_map;
 use sspc_core::metric::relative::rel_l2_map;
-use sspc_core::metric::{brightness, figures, rel_l2, rel_l2_smooth, smape};
+use sspc_core::metric::{brightness, figures, rel_l2, rel_l2_gain, smape};
 use std::path::PathBuf;
 
 /// f64 sums of a few f32 values: only the inputs' own rounding remains.
@@ -78,23 +78,39 @@ fn a_noisy_reference_measures_what_a_clean_one_would() {
     assert!(naive > 2.0 * clean, "without it the reference's noise is counted: {naive} against {clean}");
 }
 
-/// Noise of the reference in its own denominator makes a picture below the truth look better; of nine pixels it does not.
+/// Noise of the reference in its own denominator makes a picture below the truth look better; across halves it does not.
 #[test]
-fn a_smooth_denominator_does_not_prefer_the_darker_picture() {
+fn across_the_references_halves_the_darker_picture_is_not_preferred() {
     let (height, width) = (96, 96);
     let with_noise = |seed| {
         let noise = noise(1, height, width, seed);
         Image::from_fn(3, height, width, |_, y, x| 0.3 + 0.5 * (noise.at(0, y, x) - 0.5))
     };
     let (a, b) = (with_noise(1), with_noise(2));
+    // The error of 0.03 at every pixel, under the denominator of one half.
+    let weights = |half: &Image| half.plane(0).iter().map(|r| 1.0 / (f64::from(*r).powi(2) + 0.01)).sum::<f64>();
+    let expected = -0.03f64.powi(2) * 0.5 * (weights(&a) + weights(&b)) / (height * width) as f64;
     let reference = Reference { mean: Image::mean_of(&a, &b), halves: Some([a, b]) };
     let (truth, darker) = (Image::filled(3, height, width, 0.3), Image::filled(3, height, width, 0.27));
-    assert!(
-        rel_l2(&darker, &reference).value < rel_l2(&truth, &reference).value,
-        "the bias that the smooth one is for"
-    );
-    let smooth = |picture| rel_l2_smooth(picture, &reference).value;
-    assert!(smooth(&truth) < smooth(&darker), "{} of the truth, {} of less", smooth(&truth), smooth(&darker));
+    assert!(rel_l2(&darker, &reference).value < rel_l2(&truth, &reference).value, "the bias that this figure is for");
+    let gain = rel_l2_gain(&darker, &truth, &reference).expect("halves");
+    assert!((gain.value - expected).abs() < 3.0 * gain.standard_error, "{gain:?}, expected {expected}");
+    assert!(gain.value < -2.0 * gain.standard_error, "{gain:?}");
+    assert_eq!(rel_l2_gain(&truth, &truth, &reference).expect("halves").value, 0.0);
+    assert!(rel_l2_gain(&darker, &truth, &plain(truth.clone())).is_none(), "without halves");
+}
+
+/// Without noise the gain is the difference of relL2.
+#[test]
+fn a_gain_by_hand() {
+    let pixel = |values: [f32; 3]| Image::from_planes(3, 1, 1, values.to_vec());
+    let r = pixel([1.0, 2.0, 3.0]);
+    let reference = Reference { mean: r.clone(), halves: Some([r.clone(), r]) };
+    let gain = rel_l2_gain(&pixel([1.0, 2.0, 4.0]), &pixel([3.0, 2.0, 3.0]), &reference).expect("halves");
+    assert_near(gain.value, (4.0 - 1.0) / 3.0 / 4.01, EXACT);
+    assert_eq!((gain.pixels, gain.excluded), (1, 0));
+    let nothing = rel_l2_gain(&pixel([f32::NAN; 3]), &pixel([1.0; 3]), &reference).expect("halves");
+    assert_eq!((nothing.pixels, nothing.excluded), (0, 1));
 }
 
 #[test]

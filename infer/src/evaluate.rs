@@ -10,7 +10,7 @@ use sspc_core::io::atomic::check_output;
 use sspc_core::io::preview::{self, auto_exposure};
 use sspc_core::io::read::Like;
 use sspc_core::io::{read_picture, read_reference};
-use sspc_core::metric::{Figures, figures};
+use sspc_core::metric::{Figures, Measured, figures, rel_l2_gain};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -70,8 +70,11 @@ pub struct DenoisedEvaluation {
     pub figures: Figures,
     /// relL2 of the picture over the denoiser's; `null` in JSON where the denoiser's is not above 0.
     pub rel_l2_ratio: f64,
-    /// The same of relL2 with a smooth denominator.
-    pub rel_l2_smooth_ratio: f64,
+    /// 1 - [`rel_l2_gain`] / the denoiser's relL2: the same ratio without what noise of the reference does to relL2;
+    /// `null` in JSON where the reference has no halves.
+    pub crossed_ratio: f64,
+    /// Its standard error over pixels taken as independent.
+    pub crossed_ratio_standard_error: f64,
 }
 
 /// Runs the subcommand.
@@ -121,12 +124,15 @@ fn evaluate(
     interrupt::check()?;
     let denoised = denoised.zip(arguments.denoised.clone()).map(|(image, path)| {
         let figures = figures(image, reference, exposure);
+        let none = Measured { value: f64::NAN, standard_error: f64::NAN, pixels: 0, excluded: 0 };
+        let gain = rel_l2_gain(picture, image, reference).unwrap_or(none);
         let ratio = |own: f64, other: f64| if other > 0.0 { own / other } else { f64::NAN };
         DenoisedEvaluation {
             picture: path,
             figures,
             rel_l2_ratio: ratio(own.rel_l2, figures.rel_l2),
-            rel_l2_smooth_ratio: ratio(own.rel_l2_smooth, figures.rel_l2_smooth),
+            crossed_ratio: 1.0 - ratio(gain.value, figures.rel_l2),
+            crossed_ratio_standard_error: ratio(gain.standard_error, figures.rel_l2),
         }
     });
     Ok(Evaluation {
@@ -149,7 +155,7 @@ fn json(evaluation: &Evaluation) -> Result<String, Failure> {
 fn table(evaluation: &Evaluation) -> String {
     let noise = if evaluation.reference_noise_removed { "taken out" } else { "left in (it has no halves)" };
     let mut text = format!(
-        "{} against {}: {}x{}, exposure {:.4}, reference noise {noise}\n{:<9} {:>11} {:>11} {:>11} {:>10} {:>8} {:>8} {:>7} {:>7} {:>9}\n",
+        "{} against {}: {}x{}, exposure {:.4}, reference noise {noise}\n{:<9} {:>11} {:>11} {:>10} {:>8} {:>8} {:>7} {:>7} {:>9}\n",
         evaluation.picture.display(),
         evaluation.reference.display(),
         evaluation.width,
@@ -158,7 +164,6 @@ fn table(evaluation: &Evaluation) -> String {
         "",
         "relL2",
         "std. error",
-        "smooth",
         "brightness",
         "SMAPE",
         "PSNR dB",
@@ -169,18 +174,20 @@ fn table(evaluation: &Evaluation) -> String {
     text += &row("picture", &evaluation.figures);
     if let Some(denoised) = &evaluation.denoised {
         text += &row("denoised", &denoised.figures);
-        let (ratio, smooth) = (denoised.rel_l2_ratio, denoised.rel_l2_smooth_ratio);
-        text += &format!("{:<9} {ratio:>11.4} {:>11} {smooth:>11.4}\n", "ratio", "");
+        text += &format!("{:<9} {:>11.4}\n", "ratio", denoised.rel_l2_ratio);
+        if denoised.crossed_ratio.is_finite() {
+            let (ratio, error) = (denoised.crossed_ratio, denoised.crossed_ratio_standard_error);
+            text += &format!("{:<9} {ratio:>11.4} {error:>11.4}   across the reference's halves\n", "");
+        }
     }
     text
 }
 
 fn row(name: &str, figures: &Figures) -> String {
     format!(
-        "{name:<9} {:>11.6} {:>11.6} {:>11.6} {:>10.4} {:>8.4} {:>8.2} {:>7.4} {:>7.4} {:>9}\n",
+        "{name:<9} {:>11.6} {:>11.6} {:>10.4} {:>8.4} {:>8.2} {:>7.4} {:>7.4} {:>9}\n",
         figures.rel_l2,
         figures.rel_l2_standard_error,
-        figures.rel_l2_smooth,
         figures.brightness,
         figures.smape,
         figures.psnr,

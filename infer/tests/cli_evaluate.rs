@@ -71,10 +71,9 @@ fn json_has_every_figure_and_an_error_map_is_written() {
     near(&json["figures"]["rel_l2"], 0.001_851_655_15);
     near(&json["denoised"]["figures"]["rel_l2"], 0.001_851_655_15);
     near(&json["denoised"]["rel_l2_ratio"], 1.0);
-    near(&json["denoised"]["rel_l2_smooth_ratio"], 1.0);
-    for figure in
-        ["brightness", "smape", "psnr", "ssim", "flip", "pixels", "excluded", "rel_l2_standard_error", "rel_l2_smooth"]
-    {
+    near(&json["denoised"]["crossed_ratio"], 1.0);
+    assert_eq!(json["denoised"]["crossed_ratio_standard_error"], 0.0, "of a picture against itself");
+    for figure in ["brightness", "smape", "psnr", "ssim", "flip", "pixels", "excluded", "rel_l2_standard_error"] {
         assert!(json["figures"][figure].is_number(), "{figure}");
     }
     assert_eq!(json["reference_noise_removed"], true);

@@ -28,8 +28,8 @@ class Cell:
 
     # relL2 over the denoiser's: geometric mean over the seeds; None without a reference.
     ratio: float | None
-    # The same of relL2 with a smooth denominator.
-    smooth: float | None
+    # The same across the halves of the reference.
+    crossed: float | None
     # Mean of the picture over that of the reference: corrected, and denoised.
     brightness: float | None
     denoised_brightness: float | None
@@ -78,10 +78,10 @@ def cells(results):
 
 
 def cell(group):
-    ratios, smooth = {}, {}
+    ratios, crossed = {}, {}
     for result in group:
-        if (result.get("smooth_ratio") or 0) > 0:
-            smooth[result["seed"]] = result["smooth_ratio"]
+        if (result.get("crossed_ratio") or 0) > 0:
+            crossed[result["seed"]] = result["crossed_ratio"]
         known = result.get("rel_l2")
         if known and known["denoised"] > 0 and known["corrected"] > 0:
             ratios[result["seed"]] = known["corrected"] / known["denoised"]
@@ -89,7 +89,7 @@ def cell(group):
     steps = [result["steps"] for result in group if result.get("steps") is not None]
     return Cell(
         ratio=geometric_mean(ratios.values()) if ratios else None,
-        smooth=geometric_mean(smooth.values()) if smooth else None,
+        crossed=geometric_mean(crossed.values()) if crossed else None,
         brightness=mean_brightness(group, "evaluated"),
         denoised_brightness=mean_brightness(group, "evaluated_denoised"),
         seconds=median(walls),

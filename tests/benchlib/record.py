@@ -131,7 +131,7 @@ class Record:
             image("relL2 against seconds, every method, on the frames that all were run on", "-all.svg"),
             "## Goals\n\n" + self.goals_table(),
             "## relL2 ÷ the denoiser's\n\n" + self.ratio_table(),
-            "## The same with a smooth denominator\n\n" + self.smooth_table(),
+            "## The same across the reference's halves\n\n" + self.crossed_table(),
             "## Mean brightness\n\n" + self.brightness_table(),
             "## Seconds, file to file\n\n" + self.seconds_table(),
             "## Where the seconds go\n\n" + self.split_table(),
@@ -200,23 +200,23 @@ class Record:
         )
         return note + "\n\n" + table(["frame", "noisy", "denoised (absolute)", "mix", *headings], body)
 
-    def smooth(self, name, heading):
+    def crossed(self, name, heading):
         cell = self.cells.get((name, heading))
-        return cell.smooth if cell else None
+        return cell.crossed if cell else None
 
-    def smooth_table(self):
+    def crossed_table(self):
         headings = [heading for heading, _, _ in self.columns]
-        rows = [frame for frame in self.frames if any(self.smooth(frame.name, h) is not None for h in headings)]
+        rows = [frame for frame in self.frames if any(self.crossed(frame.name, h) is not None for h in headings)]
         if not rows:
             return "Not measured."
-        body = [[frame.name, *(number(self.smooth(frame.name, h)) for h in headings)] for frame in rows]
+        body = [[frame.name, *(number(self.crossed(frame.name, h)) for h in headings)] for frame in rows]
         over = [frame for frame in figures.judged(self.frames) if frame in rows]
-        means = [figures.mean_over(over, lambda f, h=h: self.smooth(f.name, h)) for h in headings]
+        means = [figures.mean_over(over, lambda f, h=h: self.crossed(f.name, h)) for h in headings]
         body.append([f"**geometric mean, {self.count(over)}**", *map(number, means)])
         note = (
             "relL2's denominator holds the noise of the reference: where it is dark by chance a pixel counts more, so pictures darker "
-            "than the truth look better than they are, the more so the noisier the reference. Here the denominator is of the mean of "
-            "3 x 3 pixels of the reference, which takes most of that away."
+            "than the truth look better than they are, the more so the noisier the reference. Here each half of the reference is "
+            "compared with under the denominator of the other half, and the gain on the denoised picture is free of that."
         )
         return note + "\n\n" + table(["frame", *headings], body)
 

@@ -192,7 +192,7 @@ def check(job, programs, folder, environment, limit, result):
     size = {"width": evaluation["width"], "height": evaluation["height"]}
     beside = evaluation.get("denoised") or {}
     evaluated = {"evaluated": evaluation["figures"], "evaluated_denoised": beside.get("figures")}
-    return size | evaluated | {"smooth_ratio": beside.get("rel_l2_smooth_ratio")}
+    return size | evaluated | {"crossed_ratio": beside.get("crossed_ratio")}
 
 
 def agrees(said, found):

@@ -150,16 +150,16 @@ class Ablations(unittest.TestCase):
 class OfTheWholePicture(unittest.TestCase):
     """Figures that stand in tables of their own."""
 
-    def one(self, name, brightness, smooth=None):
-        return result(name, evaluated={"brightness": brightness}, evaluated_denoised={"brightness": 0.995}, smooth_ratio=smooth)
+    def one(self, name, brightness, crossed=None):
+        return result(name, evaluated={"brightness": brightness}, evaluated_denoised={"brightness": 0.995}, crossed_ratio=crossed)
 
     def test_brightness_in_per_cent_of_the_reference(self):
         found = record_of(self.one("f", 0.98), self.one("f", 0.99) | {"seed": 2}, result("g")).brightness_table()
         self.assertIn("| f | -0.50 | -1.50 |", found)
         self.assertNotIn("| g |", found, "what was not measured has no row")
 
-    def test_the_smooth_figure_and_its_mean(self):
-        found = record_of(self.one("f", 1, 0.5), self.one("g", 1, 0.72)).smooth_table()
+    def test_the_figure_across_halves_and_its_mean(self):
+        found = record_of(self.one("f", 1, 0.5), self.one("g", 1, 0.72)).crossed_table()
         self.assertIn("| f | 0.500 |", found)
         self.assertIn("| **geometric mean, 2 frames** | 0.600 |", found)
 

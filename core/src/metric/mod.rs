@@ -10,5 +10,5 @@ pub mod flip;
 pub mod relative;
 pub mod summary;
 
-pub use relative::{Measured, brightness, rel_l2, rel_l2_smooth, smape};
+pub use relative::{Measured, brightness, rel_l2, rel_l2_gain, smape};
 pub use summary::{Figures, figures};

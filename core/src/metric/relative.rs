@@ -2,7 +2,6 @@
 
 use crate::frame::Reference;
 use crate::image::Image;
-use crate::smooth::box_mean;
 
 /// Added to the squared channel mean so that black does not divide by zero (Rousselle et al. 2011).
 pub const REL_L2_EPSILON: f64 = 0.01;
@@ -30,26 +29,34 @@ pub struct Measured {
 /// # Panics
 /// When the images do not have one shape.
 pub fn rel_l2(image: &Image, reference: &Reference) -> Measured {
-    relative(image, reference, &reference.mean)
+    measure(image, reference, |x, r, noise, mean| ((x - r) * (x - r) - noise * noise) / (mean * mean + REL_L2_EPSILON))
 }
 
-/// relL2 with r̄ of the denominator averaged over 3 x 3 pixels.
+/// How much less relL2 `image` has than `other`, whatever the noise of the reference: the mean of
+/// ½ Σ ((z − r^a)² − (x − r^a)²) / (r̄^b² + 0.01) over both orders of the reference's halves; None
+/// without halves.
 ///
-/// The noise of the reference stands in relL2's denominator too: a pixel whose reference is dark by
-/// chance counts more, so a picture that is darker than the truth looks better than it is, the more so
-/// the noisier the reference. Nine pixels share little of one pixel's noise.
+/// [`rel_l2`] has the reference's noise in its numerator and its denominator alike. A pixel whose reference is dark by
+/// chance counts more and asks for a dark picture, so a picture that is too dark looks better than it is, the more so
+/// the noisier the reference. Here r^a is independent of the denominator, and in the difference of two pictures its
+/// square cancels: the expectation is that of ((z − μ)² − (x − μ)²) / (r̄^b² + 0.01).
 ///
 /// # Panics
 /// When the images do not have one shape.
-pub fn rel_l2_smooth(image: &Image, reference: &Reference) -> Measured {
-    relative(image, reference, &box_mean(&reference.mean, 1))
-}
-
-/// Mean of ((x − r)² − n²) / (m̄² + 0.01), m̄ the channel mean of `brightness`.
-fn relative(image: &Image, reference: &Reference, brightness: &Image) -> Measured {
-    measure(image, reference, brightness, |x, r, noise, mean| {
-        ((x - r) * (x - r) - noise * noise) / (mean * mean + REL_L2_EPSILON)
-    })
+pub fn rel_l2_gain(image: &Image, other: &Image, reference: &Reference) -> Option<Measured> {
+    let [a, b] = reference.halves.as_ref()?;
+    [other, a, b].into_iter().for_each(|one| assert_same_shape(image, one));
+    let channels = image.channels();
+    let gain = |i: usize, half: &Image, crossed: &Image| {
+        let product = |c: usize| {
+            let (x, z, r) = (value(image, c, i), value(other, c, i), value(half, c, i));
+            // (z − r)² − (x − r)²
+            (z - x) * (z + x - 2.0 * r)
+        };
+        let mean = channel_mean(crossed, i);
+        (0..channels).map(product).sum::<f64>() / channels as f64 / (mean * mean + REL_L2_EPSILON)
+    };
+    Some(mean_of_finite(image.pixels(), |i| 0.5 * (gain(i, a, b) + gain(i, b, a))))
 }
 
 /// Symmetric mean absolute percentage error as a fraction: mean of |x − r| / ((|x| + |r|)/2), 0 where both are 0;
@@ -58,7 +65,7 @@ fn relative(image: &Image, reference: &Reference, brightness: &Image) -> Measure
 /// # Panics
 /// When the images do not have one shape.
 pub fn smape(image: &Image, reference: &Reference) -> Measured {
-    measure(image, reference, &reference.mean, |x, r, _, _| {
+    measure(image, reference, |x, r, _, _| {
         let sum = x.abs() + r.abs();
         if sum < SMAPE_TINY { 0.0 } else { 2.0 * (x - r).abs() / sum }
     })
@@ -101,39 +108,41 @@ pub fn rel_l2_map(image: &Image, reference: &Image) -> Image {
     map
 }
 
-/// Mean of `error(x, r, n, m̄)`, m̄ the channel mean of `brightness`.
-fn measure(
-    image: &Image,
-    reference: &Reference,
-    brightness: &Image,
-    error: impl Fn(f64, f64, f64, f64) -> f64,
-) -> Measured {
+/// Mean of `error(x, r, n, r̄)`.
+fn measure(image: &Image, reference: &Reference, error: impl Fn(f64, f64, f64, f64) -> f64) -> Measured {
     assert_same_shape(image, &reference.mean);
     if let Some(halves) = &reference.halves {
         halves.iter().for_each(|half| assert_same_shape(image, half));
     }
     let channels = image.channels();
-    let (mut sum, mut squares, mut pixels, mut excluded) = (0.0, 0.0, 0u64, 0u64);
-    for i in 0..image.pixels() {
-        let mean = channel_mean(brightness, i);
+    mean_of_finite(image.pixels(), |i| {
+        let mean = channel_mean(&reference.mean, i);
         let of_channel = |c: usize| {
             let noise = reference.halves.as_ref().map_or(0.0, |[a, b]| 0.5 * (value(a, c, i) - value(b, c, i)));
             error(value(image, c, i), value(&reference.mean, c, i), noise, mean)
         };
-        let pixel = (0..channels).map(of_channel).sum::<f64>() / channels as f64;
         let finite = (0..channels).all(|c| image.plane(c)[i].is_finite());
-        if finite && pixel.is_finite() {
-            sum += pixel;
-            squares += pixel * pixel;
-            pixels += 1;
-        } else {
-            excluded += 1;
-        }
+        if finite { (0..channels).map(of_channel).sum::<f64>() / channels as f64 } else { f64::NAN }
+    })
+}
+
+/// Mean over those pixels 0..`pixels` whose `value` is finite.
+fn mean_of_finite(pixels: usize, value: impl Fn(usize) -> f64) -> Measured {
+    let (mut sum, mut squares, mut finite) = (0.0, 0.0, 0u64);
+    for value in (0..pixels).map(value).filter(|value| value.is_finite()) {
+        sum += value;
+        squares += value * value;
+        finite += 1;
     }
-    let count = pixels as f64;
-    let value = sum / count;
-    let variance = (squares / count - value * value).max(0.0) * count / (count - 1.0);
-    Measured { value, standard_error: (variance / count).sqrt(), pixels, excluded }
+    let count = finite as f64;
+    let mean = sum / count;
+    let variance = (squares / count - mean * mean).max(0.0) * count / (count - 1.0);
+    Measured {
+        value: mean,
+        standard_error: (variance / count).sqrt(),
+        pixels: finite,
+        excluded: pixels as u64 - finite,
+    }
 }
 
 fn assert_same_shape(image: &Image, reference: &Image) {

@@ -3,7 +3,7 @@
 use crate::frame::Reference;
 use crate::image::Image;
 use crate::metric::displayed::Displayed;
-use crate::metric::relative::{brightness, rel_l2, rel_l2_smooth, smape};
+use crate::metric::relative::{brightness, rel_l2, smape};
 use serde::Serialize;
 
 /// What `evaluate` reports of one picture. Non-finite figures are `null` in JSON.
@@ -13,8 +13,6 @@ pub struct Figures {
     pub rel_l2: f64,
     /// Standard error of `rel_l2` over pixels taken as independent.
     pub rel_l2_standard_error: f64,
-    /// [`rel_l2_smooth`]: little of the reference's noise in the denominator.
-    pub rel_l2_smooth: f64,
     /// [`brightness`]: 1 where no energy was lost or added.
     pub brightness: f64,
     /// [`smape`], 0..2.
@@ -41,7 +39,6 @@ pub fn figures(image: &Image, reference: &Reference, exposure: f32) -> Figures {
     Figures {
         rel_l2: relative.value,
         rel_l2_standard_error: relative.standard_error,
-        rel_l2_smooth: rel_l2_smooth(image, reference).value,
         brightness: brightness(image, &reference.mean),
         smape: smape(image, reference).value,
         psnr: displayed.psnr(),
