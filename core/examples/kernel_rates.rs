@@ -4,7 +4,7 @@
 use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
 use sspc_core::gc::{self, ParameterPlanes, Region, Taps, Upstream};
 use sspc_core::image::Image;
-use sspc_core::network::{self, Shape};
+use sspc_core::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes};
 use sspc_core::parameters::{self, Form};
 use sspc_core::rng::Rng;
 use sspc_core::simd::{Isa, Simd};
@@ -31,14 +31,12 @@ fn seconds(mut f: impl FnMut()) -> f64 {
 }
 
 fn main() {
-    const SIDE: usize = 32;
-    const BATCH: usize = 8;
-    /// Side of g_c's tile, that of the preset `balanced`.
+    /// Side of a tile, that of the preset `balanced`.
     const TILE: usize = 48;
     let rng = &mut Rng::new(1);
     let shape = Shape::paper(Form::Gated);
     let weights: Vec<f32> = (0..shape.parameter_count()).map(|_| 0.1 * rng.normal()).collect();
-    let pixels = BATCH * SIDE * SIDE;
+    let pixels = TILE * TILE;
     let input: Vec<f32> = (0..FEATURE_CHANNELS * pixels).map(|_| rng.uniform()).collect();
     let image = Image::from_fn(FEATURE_CHANNELS, 64, 64, |_, _, _| rng.uniform());
     let windows = Windows::new(&image, None, FeatureSet::ALL, gc::PAPER_RADIUS);
@@ -50,14 +48,15 @@ fn main() {
     let mut first: Option<(Vec<f32>, Vec<f32>)> = None;
     for isa in Isa::available() {
         pool.install(|| {
-            let (out, saved) = network::forward(isa, &shape, &weights, &input, SIDE, SIDE);
-            let forward = seconds(|| {
-                network::forward(isa, &shape, &weights, &input, SIDE, SIDE);
-            });
-            let backward = seconds(|| {
-                network::backward(isa, &shape, &weights, &saved, &out);
-            });
-            let mut p: Vec<f32> = out[..16 * region.pixels()].to_vec();
+            // As in training, the planes of a tile are used again.
+            let network = PackedNetwork::new(isa, shape, &weights);
+            let mut planes = TilePlanes::new(&shape, TILE, TILE);
+            let mut back = GradientPlanes::of(&planes);
+            let mut out = vec![0.0; shape.outputs * pixels];
+            let forward = seconds(|| network.forward(&mut planes, &input, &mut out));
+            let mut by_weights = vec![0.0; weights.len()];
+            let backward = seconds(|| network.backward(&planes, &mut back, &out, &mut by_weights));
+            let mut p = out.clone();
             parameters::activate(isa, Form::Gated, &mut p);
             let view = ParameterPlanes::of_region(Form::Gated, &p, &region);
             let mut corrected = vec![0.0; 3 * region.pixels()];

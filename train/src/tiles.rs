@@ -13,7 +13,7 @@ use sspc_core::rng::Rng;
 /// Seven frames of 640 x 360 or less at 24, 40 and 80: 0.593, 0.571, 0.565, staircases worse at the last.)
 const MOST_VISITS: f64 = 60.0;
 /// The same where some blocks are drawn three times as often as the mean. (The sample frame and quarters of the shot, at
-/// 27, 40 and 115 visits (the sample 60): 0.59, 0.60, 0.65.)
+/// 27, 40 and 115 visits (the sample 60): 0.59, 0.60, 0.67.)
 const MOST_VISITS_BY_IMPORTANCE: f64 = 25.0;
 
 /// Batches of tiles of one picture, in the order they are trained on.
