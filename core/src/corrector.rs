@@ -1,20 +1,23 @@
 //! From network to picture: parameters of every pixel, and g_c over the whole picture.
 
-use crate::features::{DENOISED, Windows};
-use crate::gc::{self, ParameterPlanes, Region, Taps};
-use crate::image::Image;
-use crate::network::{Network, WindowNetwork};
-use crate::parameters::Form;
+use crate::native;
 use crate::plan::{BLOCK_ROWS, Plan};
-use crate::simd::Isa;
 use rayon::prelude::*;
+use sspc_image::Image;
+use sspc_kernels::features::DENOISED;
+use sspc_kernels::gc::{self, ParameterPlanes, Taps};
+use sspc_kernels::network::{Network, WindowNetwork};
+use sspc_kernels::parameters::Form;
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
 
 /// Activated parameters `[P, H, W]` of features `[13, H, W]`, where the plan computes anything.
 ///
 /// # Panics
 /// When the network's outputs are not the form's parameters.
 pub fn parameters(isa: Isa, form: Form, network: &Network, features: &Image, plan: &Plan) -> Image {
-    WindowNetwork::new(isa, form, network).run_picture(features, plan)
+    native::run_picture(&WindowNetwork::new(isa, form, network), features, plan)
 }
 
 /// μ̂ of a picture, `[3, H, W]`, of activated `parameters` `[P, H, W]`; z of the windows where the plan

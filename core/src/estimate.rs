@@ -13,11 +13,11 @@
 //! finished picture is the best stand-in there is; how far the estimate moves from one to the other
 //! goes into the standard error.
 
-use crate::features::{DENOISED, RADIANCE};
-use crate::image::Image;
 use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use rayon::prelude::*;
+use sspc_image::Image;
+use sspc_kernels::features::{DENOISED, RADIANCE};
 use std::ops::Range;
 
 /// Side of the blocks whose scatter gives a standard error: noise is nearly independent between them.
@@ -203,10 +203,10 @@ fn sum_blocks<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::{FEATURE_CHANNELS, FeatureSet};
     use crate::plan::Plan;
     use crate::prepare::Findings;
     use crate::rng::Rng;
+    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
 
     /// Share of a half's noise that its z keeps.
     const KEPT: f32 = 0.3;

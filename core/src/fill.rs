@@ -1,8 +1,7 @@
 //! Missing pixels get a value from what is valid: the denoised value first, then the other half's,
 //! then the neighbours'.
 
-use crate::frame::Frame;
-use crate::image::Image;
+use sspc_image::{Frame, Image};
 
 /// Replaces non-finite pixels of `picture` (`[3, H, W]`, the frame's units): [`fill_from_sources`],
 /// then [`grow_shut`].
@@ -80,7 +79,7 @@ fn neighbours_mean(picture: &Image, i: usize, height: usize, width: usize) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::HalfBuffer;
+    use sspc_image::HalfBuffer;
 
     fn frame(radiance: Image, denoised: Image) -> Frame {
         let half = HalfBuffer { radiance, denoised, albedo: None, normal: None, visibility: None };

@@ -7,16 +7,16 @@
 
 use crate::corrector::correct;
 use crate::estimate::{self, Blocks, Errors, Estimate, Losses};
-use crate::features::{DENOISED, Windows};
-use crate::frame::Frame;
-use crate::gc::Taps;
-use crate::image::Image;
 use crate::judge::{Evidence, JUDGE_RADIUS};
 use crate::objective::triple;
-use crate::parameters::Form;
 use crate::plan::{BLOCK_ROWS, Plan};
 use crate::prepare::{Buffer, Prepared, baseline};
-use crate::simd::Isa;
+use sspc_image::{Frame, Image};
+use sspc_kernels::features::DENOISED;
+use sspc_kernels::gc::Taps;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
 use std::borrow::Cow;
 use std::ops::Range;
 

@@ -5,11 +5,11 @@
 //! summed with the loss's weights over a neighbourhood and both halves, is the best share of the
 //! correction there.
 
-use crate::features::{DENOISED, RADIANCE};
-use crate::image::Image;
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
 use crate::smooth::box_mean;
+use sspc_image::Image;
+use sspc_kernels::features::{DENOISED, RADIANCE};
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub(crate) const JUDGE_RADIUS: usize = 15;
@@ -61,9 +61,9 @@ impl Evidence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::{FEATURE_CHANNELS, FeatureSet};
     use crate::plan::Plan;
     use crate::prepare::Findings;
+    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
     use std::sync::Arc;
 
     const TRUTH: f32 = 1.0;

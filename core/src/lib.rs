@@ -1,24 +1,16 @@
-//! The method of self-supervised post-correction, apart from any learning framework.
+//! The method of self-supervised post-correction, apart from any learning framework and from files.
+#![forbid(unsafe_code)]
 
 pub mod corrector;
-pub mod error;
 pub mod estimate;
-pub mod features;
 pub mod fill;
 pub mod finish;
-pub mod frame;
-pub mod gc;
-pub mod image;
-pub mod io;
 mod judge;
-pub mod metric;
-pub mod network;
+pub mod native;
 pub mod objective;
-pub mod parameters;
 pub mod plan;
 pub mod prepare;
 pub mod rng;
-pub mod sequence;
-pub mod simd;
 pub mod smooth;
+pub mod start;
 pub mod survey;

@@ -5,10 +5,10 @@
 //! made them; neither network nor g_c runs there, training never visits them, and the number of
 //! steps shrinks with the share of the picture that is left.
 
-use crate::features::RADIANCE;
-use crate::gc::Region;
-use crate::image::Image;
 use rayon::prelude::*;
+use sspc_image::Image;
+use sspc_kernels::features::RADIANCE;
+use sspc_kernels::region::Region;
 use std::ops::Range;
 
 /// Rows of a block.
@@ -117,7 +117,7 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::FEATURE_CHANNELS;
+    use sspc_kernels::features::FEATURE_CHANNELS;
 
     #[test]
     fn runs_cover_every_noisy_pixel_and_no_still_block() {

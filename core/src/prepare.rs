@@ -1,11 +1,10 @@
 //! From a frame as read to what the method computes on: one exposure for both halves, clamped
 //! colours, missing pixels marked, feature tensors in channel order.
 
-use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
-use crate::frame::{Frame, HalfBuffer};
-use crate::image::Image;
 use crate::plan::Plan;
 use crate::survey::validity;
+use sspc_image::{Frame, HalfBuffer, Image};
+use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;

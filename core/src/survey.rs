@@ -1,10 +1,9 @@
 //! What is decided once for a whole frame, however it is cut afterwards: exposure, the features in use, and what is
 //! unusual. A frame may come whole or in bands of rows; both give the same bits.
 
-use crate::features::FeatureSet;
-use crate::frame::{Frame, HalfBuffer};
-use crate::image::Image;
 use rayon::prelude::*;
+use sspc_image::{Frame, HalfBuffer, Image, Role};
+use sspc_kernels::features::FeatureSet;
 
 /// Mean of the darker 95 % of the positive z̄ that normalised exposure aims at: the constants of the method
 /// (0.01, log(1 + d)) are made for renders of about this brightness.
@@ -92,10 +91,6 @@ impl Survey {
     }
 }
 
-/// The features of a half by themselves.
-const FEATURES: [fn(&HalfBuffer) -> Option<&Image>; 3] =
-    [|h| h.albedo.as_ref(), |h| h.normal.as_ref(), |h| h.visibility.as_ref()];
-
 fn feature_set([albedo, normal, visibility]: [bool; 3]) -> FeatureSet {
     FeatureSet { albedo, normal, visibility }
 }
@@ -108,16 +103,12 @@ pub fn unusable_features(frame: &Frame) -> FeatureSet {
 
 /// Features that either half has.
 pub(crate) fn present_features(frame: &Frame) -> FeatureSet {
-    feature_set(FEATURES.map(|feature| feature(&frame.a).is_some() || feature(&frame.b).is_some()))
+    feature_set(Role::FEATURES.map(|feature| frame.has(feature)))
 }
 
 /// Features of which some pixel is finite wherever they are.
 pub(crate) fn usable_features(frame: &Frame) -> FeatureSet {
-    feature_set(FEATURES.map(|feature| {
-        let images: Vec<&Image> = [&frame.a, &frame.b].into_iter().filter_map(feature).collect();
-        let finite = |i: usize| images.iter().all(|f| (0..f.channels()).all(|c| f.plane(c)[i].is_finite()));
-        !images.is_empty() && (0..images[0].pixels()).any(finite)
-    }))
+    feature_set(Role::FEATURES.map(|feature| frame.has_finite(feature)))
 }
 
 /// 1 where a pixel counts, 0 where a role but the unusable ones holds NaN or Inf, `[1, H, W]`.
@@ -184,8 +175,8 @@ impl Surveyor {
         if self.exposure == Exposure::Normalised {
             add_means(band, &valid, &mut self.means);
         }
-        for (variation, feature) in self.features.iter_mut().zip(FEATURES) {
-            if let (Some(a), Some(b)) = (feature(&band.a), feature(&band.b)) {
+        for (variation, feature) in self.features.iter_mut().zip(Role::FEATURES) {
+            if let (Some(a), Some(b)) = (band.a.feature(feature), band.b.feature(feature)) {
                 variation.look(a, b, &valid);
             }
         }

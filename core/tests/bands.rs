@@ -3,14 +3,13 @@
 use sspc_core::corrector::parameters;
 use sspc_core::estimate::BLOCK;
 use sspc_core::finish::{Composition, Finish, Tally, finish, margin};
-use sspc_core::frame::{Frame, HalfBuffer};
-use sspc_core::gc::Taps;
-use sspc_core::image::Image;
-use sspc_core::network::{Network, Shape};
-use sspc_core::parameters::Form;
 use sspc_core::prepare::{Exposure, Prepared, Survey};
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_image::{Frame, HalfBuffer, Image};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::{Network, Shape};
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
 
 /// A frame of noise around a gradient, with one missing pixel.
 fn frame(height: usize, width: usize) -> Frame {

@@ -2,14 +2,16 @@
 //! positions, bandwidths at both ends of their range.
 
 use sspc_core::corrector;
-use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
-use sspc_core::gc::{self, NoUpstream, ParameterPlanes, Region, Taps, Upstream};
-use sspc_core::image::Image;
-use sspc_core::network::{self, Network, Shape};
-use sspc_core::parameters::{self, Form, activation_f64};
 use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
-use sspc_core::simd::{Isa, Simd};
+use sspc_image::Image;
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::gc::{self, NoUpstream, ParameterPlanes, Taps, Upstream};
+use sspc_kernels::network::{self, Network, Shape};
+use sspc_kernels::parameters::{self, Form, activation_f64};
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::{Isa, Simd};
+use sspc_kernels::windows::Windows;
 
 /// f32 sums of 361 terms whose exponents carry the rounding of γ·d; relative to the size of the terms.
 const FORWARD_TOLERANCE: f64 = 1e-5;
@@ -218,7 +220,7 @@ fn a_region_is_the_same_part_of_the_whole() {
     let image = features(rng, 29, 90);
     let windows = Windows::new(&image, None, FeatureSet::ALL, 9);
     let taps = Taps::square(9);
-    let whole = Region::whole(&windows);
+    let whole = Region::whole(windows.height(), windows.width());
     let mut p = outputs(rng, Form::Paper, whole.pixels(), 1.0);
     let isa = Isa::best();
     parameters::activate(isa, Form::Paper, &mut p);

@@ -2,10 +2,9 @@
 //! of an output.
 
 use super::assert_one_line;
-use sspc_core::error::{Error, ErrorKind};
-use sspc_core::frame::Frame;
-use sspc_core::image::Image;
-use sspc_core::io::{FrameFiles, OpenFrame, RoleOverrides, read_frame, read_picture, read_reference, write_corrected};
+use sspc_frames::error::{Error, ErrorKind};
+use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_frame, read_picture, read_reference, write_corrected};
+use sspc_image::{Frame, Image};
 use std::path::{Path, PathBuf};
 
 /// A half buffer of the size of the seeds, so that a file that is little damaged gets past the check of sizes.

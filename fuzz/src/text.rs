@@ -1,9 +1,9 @@
 //! Arguments: lists of frames, file patterns, overrides of roles.
 
 use super::assert_one_line;
-use sspc_core::error::ErrorKind;
-use sspc_core::io::RoleOverrides;
-use sspc_core::sequence::{Frames, MAX_FRAME, MAX_FRAMES, Pattern};
+use sspc_frames::RoleOverrides;
+use sspc_frames::error::ErrorKind;
+use sspc_frames::sequence::{Frames, MAX_FRAME, MAX_FRAMES, Pattern};
 use std::fmt::{Debug, Display};
 use std::str::FromStr;
 
@@ -38,9 +38,9 @@ pub fn read(bytes: &[u8]) -> bool {
     frames.is_some() || pattern.is_some() || overrides.is_some()
 }
 
-fn parsed<T: FromStr<Err = sspc_core::error::Error>>(text: &str) -> Option<T> {
+fn parsed<T: FromStr<Err = sspc_frames::error::Error>>(text: &str) -> Option<T> {
     text.parse()
-        .inspect_err(|error: &sspc_core::error::Error| {
+        .inspect_err(|error: &sspc_frames::error::Error| {
             assert_one_line(error);
             assert_eq!(error.kind(), ErrorKind::Arguments);
         })

@@ -4,13 +4,14 @@
 //! `tests/network-bench` runs it beside onnxruntime and PyTorch.
 
 use sspc_core::corrector::correct;
-use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
-use sspc_core::gc::Taps;
-use sspc_core::image::Image;
-use sspc_core::parameters::Form;
 use sspc_core::plan::Plan;
-use sspc_core::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
+use sspc_image::Image;
 use sspc_infer::engine::{DEFAULT_TILE, Engine, Kernels};
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
+use sspc_kernels::windows::Windows;
 use sspc_onnx::{Contract, Model, write_network};
 use std::path::PathBuf;
 use std::time::Instant;

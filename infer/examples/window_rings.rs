@@ -9,15 +9,16 @@
 
 use rayon::prelude::*;
 use sspc_core::corrector::parameters;
-use sspc_core::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, NORMAL, RADIANCE, VISIBILITY, Windows};
-use sspc_core::gc::WEIGHT_FLOOR;
-use sspc_core::image::Image;
-use sspc_core::io::{FrameFiles, RoleOverrides, read_frame};
 use sspc_core::objective::RELATIVE_FLOOR;
-use sspc_core::parameters::{BANDWIDTHS, CENTRE, Form, GATE, SLOPES};
 use sspc_core::plan::{BLOCK_COLUMNS, BLOCK_ROWS};
 use sspc_core::prepare::{Prepared, Survey};
-use sspc_core::simd::Isa;
+use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
+use sspc_image::Image;
+use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, NORMAL, RADIANCE, VISIBILITY};
+use sspc_kernels::gc::WEIGHT_FLOOR;
+use sspc_kernels::parameters::{BANDWIDTHS, CENTRE, Form, GATE, SLOPES};
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
 use std::path::PathBuf;
 
 /// Quantiles over the pixels.

@@ -4,13 +4,13 @@ use crate::failure::{Code, Failure};
 use crate::interrupt;
 use clap::Args;
 use serde::Serialize;
-use sspc_core::frame::Reference;
-use sspc_core::image::Image;
-use sspc_core::io::atomic::check_output;
-use sspc_core::io::preview::{self, auto_exposure};
-use sspc_core::io::read::Like;
-use sspc_core::io::{read_picture, read_reference};
-use sspc_core::metric::{Figures, Measured, figures, rel_l2_gain};
+use sspc_frames::atomic::check_output;
+use sspc_frames::preview::{self, auto_exposure};
+use sspc_frames::read::Like;
+use sspc_frames::{read_picture, read_reference};
+use sspc_image::{Image, Reference};
+use sspc_metrics::relative::rel_l2_map;
+use sspc_metrics::{Figures, Measured, figures, rel_l2_gain};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -93,7 +93,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     let evaluation = evaluate(arguments, &picture, &reference, denoised.as_ref())?;
     interrupt::check()?;
     if let Some(path) = &arguments.error_map {
-        preview::write_png(path, &inputs, &preview::error_map(&picture, &reference))?;
+        preview::write_png(path, &inputs, &preview::error_map(&rel_l2_map(&picture, &reference.mean)))?;
     }
     let text = if arguments.json { json(&evaluation)? } else { table(&evaluation) };
     let mut out = std::io::stdout().lock();

@@ -1,6 +1,6 @@
 //! How a command ends: one line of what went wrong, one of advice, and an exit code.
 
-use sspc_core::error::{Error, ErrorKind};
+use sspc_frames::error::{Error, ErrorKind};
 use std::io::Write;
 use std::process::ExitCode;
 

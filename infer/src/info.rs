@@ -2,10 +2,10 @@
 
 use crate::failure::{Code, Failure};
 use clap::Args;
-use sspc_core::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_core::finish::Composition;
-use sspc_core::parameters::Form;
 use sspc_core::prepare::Exposure;
+use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};
+use sspc_kernels::parameters::Form;
 use sspc_onnx::{
     ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind, parameter_names,
 };

@@ -9,7 +9,7 @@ static ASKED: AtomicBool = AtomicBool::new(false);
 pub fn listen() {
     let heard = ctrlc::set_handler(|| {
         if ASKED.swap(true, Ordering::SeqCst) {
-            sspc_core::io::temporary::abandon();
+            sspc_frames::temporary::abandon();
             std::process::exit(Code::Interrupted as i32);
         }
     });

@@ -6,24 +6,25 @@ mod common;
 use common::assert_close;
 use sspc_core::corrector::parameters;
 use sspc_core::finish::{Composition, finish, picture};
-use sspc_core::gc::Taps;
-use sspc_core::image::Image;
-use sspc_core::io::{FrameFiles, RoleOverrides, read_frame};
-use sspc_core::network::{Network, start};
-use sspc_core::parameters::Form;
 use sspc_core::prepare::{Prepared, Survey};
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_core::start;
+use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
+use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_infer::run::correct::{CorrectError, Options, correct};
 use sspc_infer::run::report::Seconds;
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::Network;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
 use std::path::PathBuf;
 
 /// The judge's box means add f32 values in another order.
 const TOLERANCE: f64 = 1e-5;
 
-fn sample() -> sspc_core::frame::Frame {
+fn sample() -> sspc_image::Frame {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/sample");
     let files = FrameFiles::halves(folder.join("a.exr"), folder.join("b.exr"));
     read_frame(&files, &RoleOverrides::none()).unwrap()

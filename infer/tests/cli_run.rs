@@ -2,12 +2,12 @@
 
 mod common;
 
-use sspc_core::image::Image;
-use sspc_core::io::{read_picture, read_reference};
-use sspc_core::metric::rel_l2;
-use sspc_core::network::start;
-use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
+use sspc_core::start;
+use sspc_frames::{read_picture, read_reference};
+use sspc_image::Image;
+use sspc_kernels::parameters::Form;
+use sspc_metrics::rel_l2;
 use sspc_onnx::{Contract, Model, write_image, write_network};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -2,10 +2,10 @@
 //! closed pipes, long sequences. Whatever happens, a file is the old one or a whole new one, and the exit code says
 //! what it was.
 
-use sspc_core::io::read_picture;
-use sspc_core::network::start;
-use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
+use sspc_core::start;
+use sspc_frames::read_picture;
+use sspc_kernels::parameters::Form;
 use sspc_onnx::{Contract, Model, write_network};
 use sspc_tests::faults::{self, Moments, names_in, unfinished_in, was_interrupted};
 use sspc_tests::frames::SmallFrame;

@@ -1,23 +1,22 @@
 //! A frame that is read in bands takes memory for its bands and its picture, however many rows it has.
 //! One test in a program of its own: the allocator counts whatever runs at the same time.
 
-#[path = "../../core/tests/common/peak.rs"]
+#[path = "../../frames/tests/common/peak.rs"]
 mod peak;
 
 use peak::peak_of;
-use sspc_core::frame::{Buffer, Role};
-use sspc_core::image::Image;
-use sspc_core::io::write::write_picture;
-use sspc_core::io::{FrameFiles, OpenFrame, RoleOverrides, read_frame};
-use sspc_core::network::start;
-use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_core::start;
 use sspc_core::survey::{Exposure, Survey};
+use sspc_frames::write::write_picture;
+use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_frame};
+use sspc_image::{Buffer, Image, Role};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_infer::run::correct::{BYTES_PER_PIXEL, Options, correct_rows};
 use sspc_infer::run::report::Seconds;
 use sspc_infer::run::source::Surveyed;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
 use std::path::Path;
 

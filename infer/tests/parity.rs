@@ -4,11 +4,11 @@
 mod common;
 
 use common::{Case, assert_close, case};
-use sspc_core::image::Image;
-use sspc_core::parameters::{Form, activation_f64};
 use sspc_core::plan::Plan;
-use sspc_core::simd::Isa;
+use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
+use sspc_kernels::parameters::{Form, activation_f64};
+use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model, write_image};
 use tract_onnx::prelude::*;
 

@@ -3,13 +3,13 @@
 mod common;
 
 use common::{assert_close, features, model, next};
-use sspc_core::image::Image;
-use sspc_core::network;
-use sspc_core::parameters::{Form, activation_f64};
 use sspc_core::plan::Plan;
-use sspc_core::simd::Isa;
+use sspc_image::Image;
 use sspc_infer::engine::tiles::TileGrid;
 use sspc_infer::engine::{Engine, Kernels};
+use sspc_kernels::network;
+use sspc_kernels::parameters::{Form, activation_f64};
+use sspc_kernels::simd::Isa;
 
 fn everything(features: &Image) -> Plan {
     Plan::everything(features.height(), features.width())

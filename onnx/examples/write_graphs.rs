@@ -2,9 +2,9 @@
 //! starts as a smoothed residual on top of the denoiser's picture and is of use as it is; the
 //! paper's has random weights.
 
-use sspc_core::network::start;
-use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
+use sspc_core::start;
+use sspc_kernels::parameters::Form;
 use sspc_onnx::{Contract, Model, write_image, write_network};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,11 +1,11 @@
 //! What every model file promises, and what it says of its origin.
 
-use sspc_core::features::{FeatureSet, MAX_RADIUS};
 use sspc_core::finish::Composition;
-use sspc_core::gc::PAPER_RADIUS;
-use sspc_core::network::{MAX_CHANNELS, Shape};
-use sspc_core::parameters::Form;
 use sspc_core::prepare::Exposure;
+use sspc_kernels::features::{FeatureSet, MAX_RADIUS};
+use sspc_kernels::gc::PAPER_RADIUS;
+use sspc_kernels::network::{MAX_CHANNELS, Shape};
+use sspc_kernels::parameters::Form;
 use std::collections::BTreeMap;
 
 /// The version of this contract. It changes with anything that would make an older reader compute

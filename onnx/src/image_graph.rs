@@ -5,8 +5,8 @@ use crate::messages::data_type;
 use crate::model::Model;
 use crate::network_graph::{activated_parts, encode, planes};
 use crate::window_sum::add_window_sums;
-use sspc_core::gc::WEIGHT_FLOOR;
-use sspc_core::parameters::Form;
+use sspc_kernels::gc::WEIGHT_FLOOR;
+use sspc_kernels::parameters::Form;
 
 pub(crate) const IMAGE_GRAPH: &str = "sspc_image";
 

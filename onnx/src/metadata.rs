@@ -3,12 +3,12 @@
 use crate::contract::*;
 use crate::error::Error;
 use crate::messages::StringStringEntryProto;
-use sspc_core::error::shown;
-use sspc_core::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_core::finish::Composition;
-use sspc_core::network::Shape;
-use sspc_core::parameters::Form;
 use sspc_core::prepare::Exposure;
+use sspc_image::shown;
+use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};
+use sspc_kernels::network::Shape;
+use sspc_kernels::parameters::Form;
 use std::collections::BTreeMap;
 
 const PREFIX: &str = "sspc.";

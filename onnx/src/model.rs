@@ -2,7 +2,7 @@
 
 use crate::contract::Contract;
 use crate::error::Error;
-use sspc_core::network::{Network, layer};
+use sspc_kernels::network::{Network, layer};
 
 /// Contract and weights.
 #[derive(Clone, Debug, PartialEq)]

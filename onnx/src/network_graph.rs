@@ -5,8 +5,8 @@ use crate::messages::{GraphProto, ModelProto, OperatorSetIdProto, data_type};
 use crate::metadata;
 use crate::model::{Model, layer_name};
 use prost::Message;
-use sspc_core::features::FEATURE_CHANNELS;
-use sspc_core::parameters::Form;
+use sspc_kernels::features::FEATURE_CHANNELS;
+use sspc_kernels::parameters::Form;
 
 pub(crate) const NETWORK_GRAPH: &str = "sspc_network";
 /// Keeps gamma finite and tau above 0 (method, activations).

@@ -12,7 +12,7 @@ use crate::metadata;
 use crate::model::{Model, layer_name};
 use crate::network_graph::write_network;
 use prost::Message;
-use sspc_core::error::shown;
+use sspc_image::shown;
 use std::io::Read;
 use std::path::Path;
 

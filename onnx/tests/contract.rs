@@ -1,9 +1,9 @@
 //! What is written is read back, and what is not ours is refused by name.
 
-use sspc_core::features::FeatureSet;
-use sspc_core::network::Shape;
-use sspc_core::parameters::Form;
 use sspc_core::prepare::Exposure;
+use sspc_kernels::features::FeatureSet;
+use sspc_kernels::network::Shape;
+use sspc_kernels::parameters::Form;
 use sspc_onnx::*;
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! Small made-up frames as files.
 
-use sspc_core::image::Image;
-use sspc_core::io::write::write_picture;
 use sspc_core::rng::Rng;
+use sspc_frames::write::write_picture;
+use sspc_image::Image;
 use std::path::{Path, PathBuf};
 
 /// The four files of a frame without features: two noisy halves and their denoised pictures.

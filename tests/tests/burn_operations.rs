@@ -1,16 +1,18 @@
 //! Our Burn operations against Burn's own arithmetic, on every backend.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_core::gc::{Region, Taps};
-use sspc_core::image::Image;
-use sspc_core::network::{Shape, start};
 use sspc_core::objective::{Mirror, Objective, Tile, Workspaces};
-use sspc_core::parameters::Form;
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Findings, Prepared};
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_core::start;
+use sspc_image::Image;
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::Shape;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
 use sspc_train::backend::Backend;
 use sspc_train::fit::{Control, Limits, fit, starting_network};
 use sspc_train::model::{Corrector, TileBatch, to_vec};
@@ -193,6 +195,6 @@ fn a_seed_gives_the_same_bits_for_any_number_of_threads() {
 #[test]
 fn a_model_keeps_its_weights_in_order() {
     let (_, weights) = batch(Form::Paper);
-    let network = sspc_core::network::Network { shape: Shape::paper(Form::Paper), weights: weights.clone() };
+    let network = sspc_kernels::network::Network { shape: Shape::paper(Form::Paper), weights: weights.clone() };
     assert_eq!(Corrector::new(&network, &Backend::Flex.device().autodiff()).to_vec(), weights);
 }

@@ -6,15 +6,16 @@
 //! interpreter `SSPC_PYTHON_VENV` names; without it these columns are left out aloud.
 
 use burn::tensor::{Tensor, TensorData};
-use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_core::gc::{Region, Taps};
-use sspc_core::image::Image;
 use sspc_core::objective::{Objective, Tile};
-use sspc_core::parameters::{Form, activate};
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Findings, Prepared};
-use sspc_core::simd::Isa;
+use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::parameters::{Form, activate};
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model, write_image, write_network};
 use sspc_train::backend::Backend;
 use sspc_train::model::{TileBatch, to_vec};

@@ -5,8 +5,8 @@
 //! numbers exactly. Their gradient is held at zero, so Adam never moves them, and nothing flows
 //! through them to the layers below.
 
-use sspc_core::network::{KERNEL, Network};
-use sspc_core::parameters::{SLOPE_COUNT, SLOPES};
+use sspc_kernels::network::{KERNEL, Network};
+use sspc_kernels::parameters::{SLOPE_COUNT, SLOPES};
 use std::ops::Range;
 
 /// Slopes of z among the slopes.
@@ -58,13 +58,13 @@ mod tests {
     use crate::fit::{Control, Limits, fit};
     use crate::preset::{Preset, Settings};
     use sspc_core::corrector::parameters;
-    use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
-    use sspc_core::image::Image;
-    use sspc_core::network::start;
     use sspc_core::plan::Plan;
     use sspc_core::prepare::{Findings, Prepared};
     use sspc_core::rng::Rng;
-    use sspc_core::simd::Isa;
+    use sspc_core::start;
+    use sspc_image::Image;
+    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+    use sspc_kernels::simd::Isa;
     use std::sync::Arc;
 
     fn noise(rng: &mut Rng) -> Prepared {

@@ -1,12 +1,12 @@
 //! What can end a run early, and the exit code it gives.
 
-use sspc_core::error::ErrorKind;
+use sspc_frames::error::ErrorKind;
 use std::path::PathBuf;
 
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     #[error(transparent)]
-    Core(#[from] sspc_core::error::Error),
+    Core(#[from] sspc_frames::error::Error),
 
     #[error("{}: {source}", path.display())]
     Model { path: PathBuf, source: sspc_onnx::FileError },

@@ -3,10 +3,10 @@
 use crate::combination::Combination;
 use crate::fit::LARGEST_RATE;
 use crate::preset::{Influence, Rate, Sampling, Settings, Start};
-use sspc_core::features::MAX_RADIUS;
 use sspc_core::finish::Composition;
-use sspc_core::network::MAX_CHANNELS;
-use sspc_core::parameters::Form;
+use sspc_kernels::features::MAX_RADIUS;
+use sspc_kernels::network::MAX_CHANNELS;
+use sspc_kernels::parameters::Form;
 use sspc_onnx::MAX_LAYERS;
 use std::str::FromStr;
 

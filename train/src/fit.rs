@@ -6,13 +6,14 @@ use crate::model::{Corrector, TileBatch, to_vec};
 use crate::preset::{Denominator, Rate, Settings, Start};
 use crate::tiles::Schedule;
 use burn::optim::{AdamConfig, GradientsParams};
-use sspc_core::features::RADIANCE;
-use sspc_core::gc::Taps;
-use sspc_core::network::{Network, start};
 use sspc_core::objective::{Objective, Workspaces};
 use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_core::start;
+use sspc_kernels::features::RADIANCE;
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::Network;
+use sspc_kernels::simd::Isa;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

@@ -14,12 +14,13 @@ use crate::write::{check_outputs, write_outputs};
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::fill;
 use sspc_core::finish::{Finish, Finished, unfilled_picture};
-use sspc_core::gc::Taps;
-use sspc_core::image::Image;
-use sspc_core::io::RoleOverrides;
-use sspc_core::network::{Network, WindowNetwork};
+use sspc_core::native::run_rows;
 use sspc_core::prepare::Prepared;
-use sspc_core::simd::Isa;
+use sspc_frames::RoleOverrides;
+use sspc_image::Image;
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::{Network, WindowNetwork};
+use sspc_kernels::simd::Isa;
 use std::time::{Duration, Instant};
 
 /// Runs the command.
@@ -109,7 +110,7 @@ fn correct_frame(
     prepared: Prepared,
 ) -> Outcome {
     let (taps, network) = (Taps::square(settings.radius), WindowNetwork::new(isa, settings.form, network));
-    let parameters = |h: usize, rows| network.run_rows(&prepared.halves[h], &prepared.plan, rows);
+    let parameters = |h: usize, rows| run_rows(&network, &prepared.halves[h], &prepared.plan, rows);
     let (form, composition) = (settings.form, settings.composition);
     let finished = Finish { isa, form, taps: &taps, composition, strength }.picture(&prepared, parameters);
     let (exposure, missing) = (prepared.exposure, prepared.valid.is_some());

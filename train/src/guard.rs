@@ -84,8 +84,8 @@ impl Guard {
 mod tests {
     use super::*;
     use crate::backend::Backend;
-    use sspc_core::network::{Network, Shape};
-    use sspc_core::parameters::Form;
+    use sspc_kernels::network::{Network, Shape};
+    use sspc_kernels::parameters::Form;
 
     fn model(value: f32) -> Corrector {
         let shape = Shape { hidden: 1, layers: 1, outputs: Form::Paper.parameters() };

@@ -5,10 +5,10 @@
 //! less: it is large in many places that the denoiser gets right.)
 
 use rayon::prelude::*;
-use sspc_core::features::DENOISED;
-use sspc_core::gc::Region;
 use sspc_core::objective::own_weight;
 use sspc_core::prepare::Prepared;
+use sspc_kernels::features::DENOISED;
+use sspc_kernels::region::Region;
 
 /// Importance of a block in which the halves agree, against the mean of the rest.
 const FLOOR: f64 = 0.3;
@@ -45,10 +45,10 @@ fn rounded(share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sspc_core::features::{FEATURE_CHANNELS, FeatureSet};
-    use sspc_core::image::Image;
     use sspc_core::plan::Plan;
     use sspc_core::prepare::Findings;
+    use sspc_image::Image;
+    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
 
     fn prepared(second: f32) -> Prepared {
         let half = |z: f32| {

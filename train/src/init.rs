@@ -3,7 +3,7 @@
 use crate::cli::{ExportArgs, Graph};
 use crate::error::Error;
 use crate::preset::Settings;
-use sspc_core::network::Network;
+use sspc_kernels::network::Network;
 use sspc_onnx::{Model, load_model, write_image, write_network};
 use std::path::Path;
 
@@ -38,5 +38,5 @@ pub fn export(args: &ExportArgs) -> Result<(), Error> {
         Graph::Network => write_network(&model),
         Graph::Image => write_image(&model),
     };
-    Ok(sspc_core::io::atomic::atomic_write_bytes(&args.output, &[path], &bytes)?)
+    Ok(sspc_frames::atomic::atomic_write_bytes(&args.output, &[path], &bytes)?)
 }

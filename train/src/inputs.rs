@@ -4,15 +4,14 @@ use crate::cli::FitArgs;
 use crate::error::Error;
 use crate::preset::Settings;
 use crate::report::{Rivals, Skipped, skipped};
-use sspc_core::features::FeatureSet;
 use sspc_core::fill::values_from_sources;
-use sspc_core::frame::{Frame, Reference, RoleSource};
-use sspc_core::image::Image;
-use sspc_core::io::preview::{Rgb8, auto_exposure, tone_map};
-use sspc_core::io::read::Like;
-use sspc_core::io::{FrameFiles, RoleOverrides, read_frame, read_reference};
 use sspc_core::prepare::{Prepared, Survey, baseline};
-use sspc_core::sequence::{Frames, Pattern};
+use sspc_frames::preview::{Rgb8, auto_exposure, tone_map};
+use sspc_frames::read::Like;
+use sspc_frames::sequence::{Frames, Pattern};
+use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_reference};
+use sspc_image::{Frame, Image, Reference, RoleSource};
+use sspc_kernels::features::FeatureSet;
 use std::path::PathBuf;
 
 /// One frame of the fit: what is needed of it beside the features. The frame itself is gone once it is

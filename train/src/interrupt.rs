@@ -8,7 +8,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 pub fn install() {
     let outcome = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            sspc_core::io::temporary::abandon();
+            sspc_frames::temporary::abandon();
             std::process::exit(130);
         }
     });

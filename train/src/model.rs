@@ -4,10 +4,10 @@ use crate::operation::{Operation, Pullback, differentiable};
 use burn::module::{Module, Param};
 use burn::tensor::ops::ConvOptions;
 use burn::tensor::{Device, Tensor, TensorData, activation, module::conv2d};
-use sspc_core::features::FEATURE_CHANNELS;
-use sspc_core::network::{self, KERNEL, Network, Shape};
 use sspc_core::objective::{Objective, Step, Tile, Workspaces};
-use sspc_core::simd::Isa;
+use sspc_kernels::features::FEATURE_CHANNELS;
+use sspc_kernels::network::{self, KERNEL, Network, Shape};
+use sspc_kernels::simd::Isa;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -2,7 +2,7 @@
 //! are removed again, and each file that was there is the old one or the whole new one.
 
 use crate::error::Error;
-use sspc_core::io::atomic::check_folder;
+use sspc_frames::atomic::check_folder;
 use std::path::{Path, PathBuf};
 
 /// An output folder and the files of this run in it. Dropped before [`OutputFolder::keep`], it

@@ -2,12 +2,12 @@
 
 use crate::combination::Combination;
 use crate::experiment::Skip;
-use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
-use sspc_core::gc::PAPER_RADIUS;
-use sspc_core::network::Shape;
-use sspc_core::parameters::Form;
 use sspc_core::prepare::Exposure;
+use sspc_kernels::features::FeatureSet;
+use sspc_kernels::gc::PAPER_RADIUS;
+use sspc_kernels::network::Shape;
+use sspc_kernels::parameters::Form;
 use std::fmt;
 
 /// Named settings of the command line.

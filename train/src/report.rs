@@ -4,12 +4,11 @@ use crate::fit::{End, Step};
 use crate::preset::{Influence, Preset, Settings};
 use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
-use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
-use sspc_core::frame::{Reference, RoleSource};
-use sspc_core::image::Image;
-use sspc_core::metric::rel_l2;
 use sspc_core::prepare::{Findings, Prepared};
+use sspc_image::{Image, Reference, RoleSource};
+use sspc_kernels::features::FeatureSet;
+use sspc_metrics::rel_l2;
 
 /// relL2 against the reference.
 #[derive(Clone, Debug, Serialize)]

@@ -2,11 +2,11 @@
 
 use crate::importance::importance;
 use crate::preset::{Sampling, Settings};
-use sspc_core::gc::Region;
 use sspc_core::objective::{Mirror, Tile};
 use sspc_core::plan::Plan;
 use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
+use sspc_kernels::region::Region;
 
 /// A pixel of either half is visited at most this often, on average: beyond, training learns the noise.
 /// (relL2 over the denoiser's. The sample frame at 22, 40, 70, 105 and 190 visits: 0.59, 0.57, 0.56, 0.58, 0.60.

@@ -9,11 +9,12 @@ use crate::output::OutputFolder;
 use crate::preset::Settings;
 use crate::report::{Report, peak_rss_bytes};
 use rayon::prelude::*;
-use sspc_core::features::FeatureSet;
-use sspc_core::image::Image;
-use sspc_core::io::atomic::{atomic_write_bytes, check_output};
-use sspc_core::io::preview::{Rgb8, error_map, strip, tone_map, write_png};
-use sspc_core::io::{RoleOverrides, write_corrected};
+use sspc_frames::atomic::{atomic_write_bytes, check_output};
+use sspc_frames::preview::{Rgb8, error_map, strip, tone_map, write_png};
+use sspc_frames::{RoleOverrides, write_corrected};
+use sspc_image::Image;
+use sspc_kernels::features::FeatureSet;
+use sspc_metrics::relative::rel_l2_map;
 use sspc_onnx::{Contract, Model, write_network};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -135,8 +136,8 @@ fn previews(input: &Input, result: &Outcome) -> Vec<(&'static str, Rgb8)> {
     let mut pictures = vec![input.shown_noisy.clone(), shown(&input.denoised), shown(&result.corrected)];
     if let Some(reference) = &input.reference {
         pictures.push(shown(&reference.mean));
-        pictures.push(error_map(&input.denoised, reference));
-        pictures.push(error_map(&result.corrected, reference));
+        pictures.push(error_map(&rel_l2_map(&input.denoised, &reference.mean)));
+        pictures.push(error_map(&rel_l2_map(&result.corrected, &reference.mean)));
     }
     pictures.push(strip(&pictures));
     preview_names(input).into_iter().zip(pictures).collect()

@@ -1,6 +1,6 @@
 //! sspc-train as a user runs it, on the repository's sample.
 
-use sspc_core::io::read_picture;
+use sspc_frames::read_picture;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;

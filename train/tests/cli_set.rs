@@ -1,11 +1,11 @@
 //! `sspc-train fit --set` as a user runs it, on the repository's sample.
 
 use sspc_core::corrector::parameters;
-use sspc_core::io::{FrameFiles, RoleOverrides, read_frame};
-use sspc_core::parameters::{Form, SLOPES};
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Exposure, Prepared};
-use sspc_core::simd::Isa;
+use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
+use sspc_kernels::parameters::{Form, SLOPES};
+use sspc_kernels::simd::Isa;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -79,7 +79,7 @@ fn skips_off_give_the_same_picture_where_nothing_is_skipped() {
         let out = folder.path().join(skip);
         let output = fit(&out, &[&format!("skip={skip}")]);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        sspc_core::io::read_picture(&out.join("corrected.exr"), None).expect("a picture")
+        sspc_frames::read_picture(&out.join("corrected.exr"), None).expect("a picture")
     });
     assert_eq!(pictures[0], pictures[1]);
 }

@@ -1,7 +1,7 @@
 //! `sspc-train` under what happens on farms: killed, interrupted, full disks, forbidden folders, inputs that vanish.
 //! Whatever happens, a file is the old one or a whole new one, and the exit code says what it was.
 
-use sspc_core::io::read_picture;
+use sspc_frames::read_picture;
 use sspc_tests::faults::{self, Moments, names_in, unfinished_in, was_interrupted};
 use sspc_tests::frames::SmallFrame;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! A fit holds a pixel's features once, and little beside them.
 //! One test in a program of its own: the allocator counts whatever runs at the same time.
 
-#[path = "../../core/tests/common/peak.rs"]
+#[path = "../../frames/tests/common/peak.rs"]
 mod peak;
 
 use clap::Parser;

@@ -1,13 +1,15 @@
 //! The loss of tiles by the network's outputs, and its gradient.
 
 use super::{RELATIVE_FLOOR, Tile, own_weight, relative_weight, triple};
-use crate::features::{FEATURE_CHANNELS, FeaturePlanes, FeatureSet, RADIANCE};
-use crate::gc::{self, ParameterPlanes, Region, Taps, Upstream};
-use crate::image::Image;
-use crate::parameters::{Form, activate, activate_backward};
 use crate::prepare::Prepared;
-use crate::simd::{Isa, MAX_LANES, Simd};
 use rayon::prelude::*;
+use sspc_image::Image;
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
+use sspc_kernels::gc::{self, ParameterPlanes, Taps, Upstream};
+use sspc_kernels::loss::{Given, SelfSupervised};
+use sspc_kernels::parameters::{Form, activate, activate_backward};
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::FeaturePlanes;
 use std::sync::Arc;
 
 /// One half, and what its correction is judged by.
@@ -161,7 +163,8 @@ impl Objective {
         scratch: &mut Scratch,
     ) -> f64 {
         let half = &self.halves[tile.half];
-        let mut judge = SelfSupervised { half, region: tile.region, scale, influence, sum: 0.0 };
+        let (target, weight) = (&half.target, &half.weight);
+        let mut judge = SelfSupervised { target, weight, region: tile.region, scale, influence, sum: 0.0 };
         self.tile_backward(isa, tile, outputs, &mut judge, gradient, scratch);
         judge.sum * f64::from(scale)
     }
@@ -196,65 +199,15 @@ pub(super) struct Scratch {
     padded: Vec<f32>,
 }
 
-/// An upstream gradient that is known beforehand, `[3, h, w]`.
-struct Given<'a> {
-    upstream: &'a [f32],
-    region: Region,
-}
-
-impl Upstream for Given<'_> {
-    const NEEDED: bool = true;
-
-    #[inline(always)]
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
-        let at = y * self.region.width + x;
-        // SAFETY: `at .. at + lanes` lies in every plane of the region.
-        std::array::from_fn(|k| unsafe { gc::load_lanes::<S>(self.upstream, k * self.region.pixels() + at, lanes) })
-    }
-}
-
-/// The loss of one tile against the other half.
-struct SelfSupervised<'a> {
-    half: &'a HalfObjective,
-    region: Region,
-    scale: f32,
-    influence: f32,
-    sum: f64,
-}
-
-impl Upstream for SelfSupervised<'_> {
-    const NEEDED: bool = true;
-
-    #[inline(always)]
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, corrected: [S::F; 3]) -> [S::F; 3] {
-        let at = (self.region.top + y) * self.half.target.width() + self.region.left + x;
-        // SAFETY: `at .. at + lanes` lies in every plane of the picture; `squares` has MAX_LANES.
-        unsafe {
-            let weight = gc::load_lanes::<S>(self.half.weight.plane(0), at, lanes);
-            let error: [S::F; 3] = std::array::from_fn(|k| {
-                S::sub(corrected[k], gc::load_lanes::<S>(self.half.target.plane(k), at, lanes))
-            });
-            let squared = S::fma(error[2], error[2], S::fma(error[1], error[1], S::mul(error[0], error[0])));
-            let relative = S::mul(weight, squared);
-            let mut squares = [0.0; MAX_LANES];
-            S::store(squares.as_mut_ptr(), relative);
-            self.sum += squares[..lanes].iter().map(|&v| f64::from(v)).sum::<f64>();
-            let one = S::splat(1.0);
-            let excess = S::mul(relative, S::splat(1.0 / (self.influence * self.influence)));
-            let factor = S::div(S::mul(weight, S::splat(2.0 * self.scale)), S::sqrt(S::add(one, excess)));
-            error.map(|e| S::mul(e, factor))
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::DENOISED;
-    use crate::frame::{Frame, HalfBuffer};
     use crate::objective::Mirror;
     use crate::prepare::Exposure;
     use crate::rng::Rng;
+    use sspc_image::{Frame, HalfBuffer};
+    use sspc_kernels::features::DENOISED;
+    use sspc_kernels::region::Region;
 
     fn prepared(rng: &mut Rng) -> Prepared {
         let mut half = || {

@@ -5,9 +5,9 @@
 
 use super::loss::{Objective, Scratch};
 use super::tile::Tile;
-use crate::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes, sum_in_order};
-use crate::simd::Isa;
 use rayon::prelude::*;
+use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes, sum_in_order};
+use sspc_kernels::simd::Isa;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 

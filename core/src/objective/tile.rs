@@ -1,6 +1,6 @@
 //! Tiles of a picture, and their mirror images.
 
-use crate::gc::Region;
+use sspc_kernels::region::Region;
 
 /// A tile to correct: which half, where, and how the network sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! What a pixel's squared error is divided by.
 
 use super::RELATIVE_FLOOR;
-use crate::features::DENOISED;
-use crate::image::Image;
 use crate::prepare::Prepared;
+use sspc_image::Image;
+use sspc_kernels::features::DENOISED;
 
 /// 1 / (z̄² + floor) of one pixel's z.
 pub fn weight_of(z: [f32; 3], floor: f32) -> f32 {

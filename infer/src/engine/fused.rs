@@ -4,8 +4,8 @@
 //! file is still read, typed and checked by tract; between its input and its output the operators
 //! are replaced by one.
 
-use sspc_core::gc::Region;
-use sspc_core::network::WindowNetwork;
+use sspc_kernels::network::WindowNetwork;
+use sspc_kernels::region::Region;
 use std::sync::Arc;
 use tract_onnx::prelude::*;
 use tract_onnx::tract_core::internal::*;

@@ -14,9 +14,9 @@ pub use plan::{Kernels, PlanError};
 
 use plan::Plan;
 use rayon::prelude::*;
-use sspc_core::features::FEATURE_CHANNELS;
-use sspc_core::image::Image;
 use sspc_core::plan::Plan as PicturePlan;
+use sspc_image::Image;
+use sspc_kernels::features::FEATURE_CHANNELS;
 use sspc_onnx::Model;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};

@@ -1,11 +1,11 @@
 //! A tract plan of the network graph at one fixed window size.
 
 use super::fused::fuse;
-use sspc_core::features::FEATURE_CHANNELS;
-use sspc_core::gc::Region;
-use sspc_core::image::Image;
-use sspc_core::network::WindowNetwork;
-use sspc_core::simd::Isa;
+use sspc_image::Image;
+use sspc_kernels::features::FEATURE_CHANNELS;
+use sspc_kernels::network::WindowNetwork;
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
 use sspc_onnx::{Model, write_network};
 use std::sync::Arc;
 use tract_onnx::prelude::*;

@@ -6,8 +6,8 @@
 //! edge of a window is either the picture's edge, where the network's zero padding is right, or lies
 //! at least the halo away from the tile, where the padding does not reach.
 
-use sspc_core::gc::Region;
-use sspc_core::image::Image;
+use sspc_image::Image;
+use sspc_kernels::region::Region;
 
 /// How a picture is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use crate::engine::{DEFAULT_TILE, Kernels};
 use clap::{Args, ValueEnum};
-use sspc_core::simd::Isa;
+use sspc_kernels::simd::Isa;
 use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]

@@ -9,11 +9,11 @@ use super::source::Surveyed;
 use crate::engine::Engine;
 use crate::failure::{Code, Failure};
 use crate::interrupt;
-use sspc_core::frame::Role;
-use sspc_core::io::atomic::{atomic_write_bytes, check_output};
-use sspc_core::io::resolve::resolve;
-use sspc_core::io::{OpenFrame, RoleOverrides, write_corrected};
-use sspc_core::simd::Isa;
+use sspc_frames::atomic::{atomic_write_bytes, check_output};
+use sspc_frames::resolve::resolve;
+use sspc_frames::{OpenFrame, RoleOverrides, write_corrected};
+use sspc_image::Role;
+use sspc_kernels::simd::Isa;
 use std::path::PathBuf;
 use std::time::Instant;
 

@@ -2,8 +2,8 @@
 
 use super::arguments::RunArguments;
 use crate::failure::{Code, Failure};
-use sspc_core::io::FrameFiles;
-use sspc_core::sequence::{Frames, Pattern};
+use sspc_frames::FrameFiles;
+use sspc_frames::sequence::{Frames, Pattern};
 use std::path::{Path, PathBuf};
 
 /// One frame to correct.

@@ -25,8 +25,8 @@ use arguments::RunArguments;
 use frame::Setting;
 use jobs::Job;
 use progress::Progress;
-use sspc_core::io::RoleOverrides;
-use sspc_core::simd::Isa;
+use sspc_frames::RoleOverrides;
+use sspc_kernels::simd::Isa;
 use sspc_onnx::load_model;
 
 /// Runs the subcommand: every frame that can be corrected is, whatever happens to the others.

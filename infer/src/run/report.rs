@@ -6,11 +6,11 @@ use super::jobs::Job;
 use crate::clock;
 use serde::Serialize;
 use sspc_core::estimate::{Estimate, Losses};
-use sspc_core::features::FeatureSet;
 use sspc_core::finish::Composition;
-use sspc_core::frame::RoleSource;
-use sspc_core::parameters::Form;
 use sspc_core::prepare::Findings;
+use sspc_image::RoleSource;
+use sspc_kernels::features::FeatureSet;
+use sspc_kernels::parameters::Form;
 use std::path::PathBuf;
 
 /// Wall-clock seconds.

@@ -1,9 +1,9 @@
 //! Where a frame's rows come from: memory, or its files again and again.
 
-use sspc_core::error::Error;
-use sspc_core::frame::Frame;
-use sspc_core::io::OpenFrame;
 use sspc_core::survey::{Exposure, Survey};
+use sspc_frames::OpenFrame;
+use sspc_frames::error::Error;
+use sspc_image::Frame;
 use std::borrow::Cow;
 use std::ops::Range;
 

@@ -1,11 +1,10 @@
 //! Made-up models and pictures that need no file.
 #![allow(dead_code)]
 
-use sspc_core::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, NORMAL, RADIANCE, VISIBILITY};
-use sspc_core::frame::{Frame, HalfBuffer};
-use sspc_core::image::Image;
-use sspc_core::network::Shape;
-use sspc_core::parameters::Form;
+use sspc_image::{Frame, HalfBuffer, Image};
+use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, NORMAL, RADIANCE, VISIBILITY};
+use sspc_kernels::network::Shape;
+use sspc_kernels::parameters::Form;
 use sspc_onnx::{Contract, Model};
 use std::path::PathBuf;
 

@@ -3,8 +3,8 @@
 use super::*;
 use crate::builder::int;
 use crate::messages::StringStringEntryProto;
-use sspc_core::network::Shape;
-use sspc_core::parameters::Form;
+use sspc_kernels::network::Shape;
+use sspc_kernels::parameters::Form;
 
 fn small() -> Model {
     let mut contract = Contract::new(Form::Gated);

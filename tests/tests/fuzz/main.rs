@@ -4,7 +4,7 @@
 //! `SSPC_FUZZ_CASE=SEED:NUMBER` runs one again.
 
 mod damage;
-#[path = "../../../core/tests/common/peak.rs"]
+#[path = "../../../frames/tests/common/peak.rs"]
 mod peak;
 mod seeds;
 #[path = "../../../fuzz/src/lib.rs"]

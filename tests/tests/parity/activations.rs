@@ -2,8 +2,8 @@
 
 use super::case::{Array, Case};
 use super::closeness::{Mismatch, Relative, Worst, assert_close, assert_sensitive, compare};
-use sspc_core::parameters::{Form, activate, activate_backward};
-use sspc_core::simd::Isa;
+use sspc_kernels::parameters::{Form, activate, activate_backward};
+use sspc_kernels::simd::Isa;
 
 /// exp2 and log2 by polynomials of a few 1e-7, squared and inverted.
 const ACTIVATION: f64 = 1e-5;

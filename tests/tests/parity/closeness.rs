@@ -2,7 +2,7 @@
 //! leaves an error map; measures the smallest perturbation that a comparison catches.
 
 use super::case::Array;
-use sspc_core::io::preview::{Rgb8, write_png};
+use sspc_frames::preview::{Rgb8, write_png};
 use std::fmt;
 use std::path::PathBuf;
 

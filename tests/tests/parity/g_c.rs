@@ -2,12 +2,14 @@
 
 use super::case::{Array, Case};
 use super::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
-use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
-use sspc_core::gc::{ParameterPlanes, Region, Taps, Upstream, backward, forward};
-use sspc_core::image::Image;
-use sspc_core::network::{Network, Shape};
-use sspc_core::parameters::{Form, activate, activate_backward};
-use sspc_core::simd::{Isa, MAX_LANES, Simd};
+use sspc_image::Image;
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::gc::{ParameterPlanes, Taps, Upstream, backward, forward};
+use sspc_kernels::network::{Network, Shape};
+use sspc_kernels::parameters::{Form, activate, activate_backward};
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::{Isa, MAX_LANES, Simd};
+use sspc_kernels::windows::Windows;
 use sspc_train::combination::Combination;
 
 /// 361 weights of a few roundings each (exp2, log2), averaged: below 1e-6 of the sum's terms, and

@@ -8,12 +8,14 @@
 
 use super::case::{Array, Case};
 use super::closeness::{MUST_CATCH, Relative, assert_close, assert_sensitive, compare, largest};
-use sspc_core::features::{DENOISED, FEATURE_CHANNELS, FeaturePlanes, FeatureSet, RADIANCE};
-use sspc_core::gc::{Region, Taps};
-use sspc_core::image::Image;
 use sspc_core::objective::{HalfObjective, Objective, RELATIVE_FLOOR, Tile, relative_weight};
-use sspc_core::parameters::{Form, GATE};
-use sspc_core::simd::Isa;
+use sspc_image::Image;
+use sspc_kernels::features::{DENOISED, FEATURE_CHANNELS, FeatureSet, RADIANCE};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::parameters::{Form, GATE};
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::FeaturePlanes;
 use std::sync::Arc;
 
 /// One mean of positive terms, summed in f64.

@@ -2,12 +2,12 @@
 
 use super::case::Case;
 use super::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
-use sspc_core::features::FEATURE_CHANNELS;
-use sspc_core::image::Image;
-use sspc_core::network::{Network, Shape, WindowNetwork, backward, forward};
-use sspc_core::parameters::Form;
 use sspc_core::plan::Plan;
-use sspc_core::simd::Isa;
+use sspc_image::Image;
+use sspc_kernels::features::FEATURE_CHANNELS;
+use sspc_kernels::network::{Network, Shape, WindowNetwork, backward, forward};
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
 
 /// Nine layers of 117 to 144 products each; of the largest output, since an output near zero is a
 /// difference of large sums.
@@ -59,7 +59,8 @@ fn activated_parameters_of_a_picture_match() {
             let expected = case.get("parameters", &[2, 16, height, width]).slab(half, half + 1);
             for isa in Isa::available() {
                 let stage = format!("{} half {half} {} parameters", case.name, isa.name());
-                let found = WindowNetwork::new(isa, Form::Gated, &network).run_picture(&image, &plan);
+                let found =
+                    sspc_core::native::run_picture(&WindowNetwork::new(isa, Form::Gated, &network), &image, &plan);
                 let worst =
                     assert_close(&stage, &expected, found.data(), Relative::ToScale(largest(&expected)), FORWARD);
                 println!("{stage}: worst {:.1e}", worst.0);

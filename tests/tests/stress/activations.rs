@@ -1,7 +1,7 @@
 //! Activations of the network's outputs, and their derivatives, over the whole range of f32.
 
 use crate::table::{Table, Worst};
-use sspc_core::parameters::{self, BANDWIDTHS, CENTRE, Form, GATE, activation_f64};
+use sspc_kernels::parameters::{self, BANDWIDTHS, CENTRE, Form, GATE, activation_f64};
 
 /// exp2 and log2 keep 4e-7; exponents near 88 carry their own rounding into 2^x.
 const TOLERANCE: Worst = Worst { value: 1e-5, gradient: 2e-5 };

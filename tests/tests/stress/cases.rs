@@ -1,13 +1,13 @@
 //! The extreme inputs of the kernels.
 
 use crate::table::Worst;
-use sspc_core::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
-use sspc_core::gc::WEIGHT_FLOOR;
-use sspc_core::image::Image;
-use sspc_core::parameters::{BANDWIDTHS, CENTRE, Form};
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Findings, Prepared};
 use sspc_core::rng::Rng;
+use sspc_image::Image;
+use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
+use sspc_kernels::gc::WEIGHT_FLOOR;
+use sspc_kernels::parameters::{BANDWIDTHS, CENTRE, Form};
 use std::ops::Range;
 use std::sync::Arc;
 

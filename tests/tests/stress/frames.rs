@@ -1,15 +1,14 @@
 //! Frames in a file's units, and the whole way from frame to picture.
 
 use sspc_core::corrector::parameters;
-use sspc_core::features::{ALBEDO, DENOISED, NORMAL, RADIANCE, VISIBILITY};
 use sspc_core::finish::{Finished, finish, picture};
-use sspc_core::frame::{Frame, HalfBuffer, Reference};
-use sspc_core::gc::Taps;
-use sspc_core::image::Image;
-use sspc_core::io::{FrameFiles, RoleOverrides, read_frame, read_reference};
-use sspc_core::network::Network;
 use sspc_core::prepare::Prepared;
-use sspc_core::simd::Isa;
+use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_reference};
+use sspc_image::{Frame, HalfBuffer, Image, Reference};
+use sspc_kernels::features::{ALBEDO, DENOISED, NORMAL, RADIANCE, VISIBILITY};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::Network;
+use sspc_kernels::simd::Isa;
 use sspc_train::backend::Backend;
 use sspc_train::fit::{Control, Fitted, Limits, fit, starting_network};
 use sspc_train::preset::Settings;

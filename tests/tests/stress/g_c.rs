@@ -2,11 +2,13 @@
 
 use crate::cases::{self, Case, SMALLEST};
 use crate::table::{Table, Worst};
-use sspc_core::features::{FeatureSet, Windows};
-use sspc_core::gc::{self, PAPER_RADIUS, ParameterPlanes, Region, Taps, Upstream};
-use sspc_core::parameters::{self, Form};
 use sspc_core::rng::Rng;
-use sspc_core::simd::{Isa, MAX_LANES, Simd};
+use sspc_kernels::features::FeatureSet;
+use sspc_kernels::gc::{self, PAPER_RADIUS, ParameterPlanes, Taps, Upstream};
+use sspc_kernels::parameters::{self, Form};
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::{Isa, MAX_LANES, Simd};
+use sspc_kernels::windows::Windows;
 
 /// Sums of 361 terms whose exponents carry the rounding of γ·d, up to 88 times 6e-8; relative to the sum
 /// of the terms without their signs.

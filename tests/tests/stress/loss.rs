@@ -2,11 +2,13 @@
 
 use crate::cases::{self, Case, SMALLEST};
 use crate::table::{Table, Worst};
-use sspc_core::features::{DENOISED, FeatureSet, RADIANCE, Windows};
-use sspc_core::gc::{self, PAPER_RADIUS, Region, Taps};
 use sspc_core::objective::{Objective, Tile};
-use sspc_core::parameters::{self, Form, activation_f64};
-use sspc_core::simd::Isa;
+use sspc_kernels::features::{DENOISED, FeatureSet, RADIANCE};
+use sspc_kernels::gc::{self, PAPER_RADIUS, Taps};
+use sspc_kernels::parameters::{self, Form, activation_f64};
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
 
 /// A squared error is off by twice what its difference is off by, and the weights by their own rounding.
 const TOLERANCE: Worst = Worst { value: 1e-5, gradient: 1e-4 };

@@ -2,18 +2,19 @@
 
 use crate::frames::{changed, corrected, synthetic};
 use sspc_core::corrector::{correct, parameters};
-use sspc_core::features::Windows;
 use sspc_core::finish::{Composition, margin};
-use sspc_core::frame::{Frame, HalfBuffer};
-use sspc_core::gc::{Region, Taps};
-use sspc_core::image::Image;
-use sspc_core::network::{Network, start};
 use sspc_core::prepare::{Exposure, Prepared, Survey};
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_core::start;
+use sspc_image::{Frame, HalfBuffer, Image};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_infer::run::correct::Options;
 use sspc_infer::run::report::Seconds;
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::Network;
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
 use sspc_onnx::{Contract, Model};
 use sspc_train::preset::{Preset, Settings};
 

@@ -2,11 +2,11 @@
 
 use crate::cases::{self, Case};
 use crate::table::{Table, Worst};
-use sspc_core::image::Image;
-use sspc_core::network::{self, Shape};
-use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_image::Image;
+use sspc_kernels::network::{self, Shape};
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
 
 /// Four layers of up to 144 f32 products each.
 const TOLERANCE: Worst = Worst { value: 1e-5, gradient: 1e-5 };

@@ -5,9 +5,9 @@
 //! takes such a rounding further with every step, until the two fits differ as those of two seeds do.
 
 use crate::frames::{corrected, fitted, reference, sample, scaled};
-use sspc_core::image::Image;
-use sspc_core::metric::rel_l2;
 use sspc_core::prepare::Prepared;
+use sspc_image::Image;
+use sspc_metrics::rel_l2;
 use sspc_train::fit::starting_network;
 use sspc_train::preset::{Preset, Settings};
 
@@ -35,7 +35,7 @@ fn difference(found: &Image, expected: &Image, factor: f32) -> f64 {
 }
 
 /// The picture of a frame times `factor`, after `steps` of training.
-fn picture(frame: &sspc_core::frame::Frame, factor: f32, settings: &Settings, steps: Option<usize>) -> Image {
+fn picture(frame: &sspc_image::Frame, factor: f32, settings: &Settings, steps: Option<usize>) -> Image {
     let frame = scaled(frame, factor);
     let prepared = Prepared::new(&frame, settings.exposure);
     let network = match steps {

@@ -1,6 +1,6 @@
 //! The printed report: one row a case, one pair of columns an instruction set.
 
-use sspc_core::simd::Isa;
+use sspc_kernels::simd::Isa;
 
 /// Worst errors of one case on one instruction set, relative as the table's title says.
 #[derive(Clone, Copy, Debug, Default)]

@@ -2,13 +2,13 @@
 //! to that by `burn_operations` and the command-line tests.)
 
 use crate::frames::sample;
-use sspc_core::network::start;
-use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_core::start;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_infer::run::correct::{Options, correct};
 use sspc_infer::run::report::Seconds;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
 
 #[test]

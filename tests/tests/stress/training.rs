@@ -1,10 +1,9 @@
 //! A thousand steps at the largest rate on every extreme frame: weights stay finite.
 
 use crate::frames::{changed, corrected, fitted, scaled, synthetic};
-use sspc_core::frame::Frame;
-use sspc_core::image::Image;
 use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
+use sspc_image::{Frame, Image};
 use sspc_train::preset::{Preset, Rate, Sampling, Settings};
 
 const STEPS: usize = 1000;

@@ -2,12 +2,13 @@
 
 use super::train::{BACKENDS, Convolutions, Step, train};
 use crate::case::Case;
-use sspc_core::features::{FEATURE_CHANNELS, FeaturePlanes, FeatureSet, RADIANCE};
-use sspc_core::gc::Taps;
-use sspc_core::image::Image;
-use sspc_core::network::{Network, Shape};
 use sspc_core::objective::{HalfObjective, Objective, RELATIVE_FLOOR, relative_weight, triple};
-use sspc_core::parameters::Form;
+use sspc_image::Image;
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::{Network, Shape};
+use sspc_kernels::parameters::Form;
+use sspc_kernels::windows::FeaturePlanes;
 use sspc_train::backend::Backend;
 use std::sync::Arc;
 

@@ -1,10 +1,10 @@
 //! Twenty lines of training loop that take their tiles from a case instead of drawing them.
 
 use burn::optim::{AdamConfig, GradientsParams};
-use sspc_core::gc::Region;
-use sspc_core::network::{Network, Shape};
 use sspc_core::objective::{Objective, Tile};
-use sspc_core::simd::Isa;
+use sspc_kernels::network::{Network, Shape};
+use sspc_kernels::region::Region;
+use sspc_kernels::simd::Isa;
 use sspc_train::backend::Backend;
 use sspc_train::model::{Corrector, TileBatch};
 use std::sync::Arc;

@@ -1,0 +1,292 @@
+//! Whether a frame's halves can be what they claim to be: identical, correlated, lossy, incomplete.
+
+use crate::error::{Error, Purpose};
+use crate::resolve::Resolution;
+use sspc_image::{Buffer, Frame, Image, Role};
+use std::f64::consts::FRAC_PI_2;
+use std::ops::Range;
+
+/// Correlation of the halves' noise above which the user is warned: that of a half and the full buffer, given in the
+/// other half's place, is 0.71. Independent halves stay near 0, but where a denoiser blurs texture both residuals
+/// share that texture: 0.46 was seen on foliage.
+pub const HALVES_CORRELATED: f64 = 0.6;
+/// Correlation of neighbouring pixels' noise above which the user is warned. Filters that splat give 0.25 (a tent of
+/// radius 1) or 0.37 (a Gaussian of 0.5 pixels); renders without splatting were seen to reach 0.18 on fur and glass.
+pub const NEIGHBOURS_CORRELATED: f64 = 0.22;
+/// Rows are skipped evenly so that about this many pixels are looked at: correlations to a hundredth need no more.
+const MOST_PIXELS: usize = 1 << 17;
+/// Pixels with noise that a correlation needs to mean anything.
+const FEWEST_SAMPLES: u64 = 256;
+
+/// What is found in a frame's rows, in any number of bands from top to bottom.
+pub struct Inspection {
+    /// Rows that are passed over for each one whose correlations are looked at.
+    step: usize,
+    height: usize,
+    /// Which channels of radiance a, b and denoised a, b, full hold anything finite.
+    finite: [[bool; 3]; COLOURS.len()],
+    has_full_denoised: bool,
+    /// Radiance, denoised: the same in both halves, and black, so far.
+    equal: [bool; 2],
+    black: [bool; 2],
+    /// Features that are there, and that are finite anywhere, as [`Role::FEATURES`].
+    present: [bool; Role::FEATURES.len()],
+    usable: [bool; Role::FEATURES.len()],
+    noise: SignCorrelation,
+    neighbours: SignCorrelation,
+}
+
+/// The colours without which there is nothing to correct, or to start from.
+const COLOURS: [(Role, Buffer); 5] = [
+    (Role::Radiance, Buffer::A),
+    (Role::Radiance, Buffer::B),
+    (Role::Denoised, Buffer::A),
+    (Role::Denoised, Buffer::B),
+    (Role::Denoised, Buffer::Full),
+];
+
+impl Inspection {
+    pub(crate) fn new(height: usize, width: usize) -> Self {
+        Self {
+            step: row_step(height, width),
+            height,
+            finite: Default::default(),
+            has_full_denoised: false,
+            equal: [true; 2],
+            black: [true; 2],
+            present: Default::default(),
+            usable: Default::default(),
+            noise: SignCorrelation::default(),
+            neighbours: SignCorrelation::default(),
+        }
+    }
+
+    /// Looks at `rows` of the picture in a band that begins at row `first` and has the rows above and below them,
+    /// where the picture has.
+    pub fn look(&mut self, band: &Frame, first: usize, rows: Range<usize>) {
+        let inner = rows.start - first..rows.end - first;
+        let colours = [
+            Some(&band.a.radiance),
+            Some(&band.b.radiance),
+            Some(&band.a.denoised),
+            Some(&band.b.denoised),
+            band.denoised.as_ref(),
+        ];
+        for (finite, image) in self.finite.iter_mut().zip(colours) {
+            for (c, finite) in finite.iter_mut().enumerate() {
+                *finite = *finite || image.is_none_or(|image| values(image, c..c + 1, &inner).any(f32::is_finite));
+            }
+        }
+        self.has_full_denoised |= band.denoised.is_some();
+        for (at, feature) in Role::FEATURES.into_iter().enumerate() {
+            self.present[at] |= band.has(feature);
+            self.usable[at] |= band.has_finite(feature);
+        }
+        let pairs = [(&band.a.radiance, &band.b.radiance), (&band.a.denoised, &band.b.denoised)];
+        for (at, (a, b)) in pairs.into_iter().enumerate() {
+            let mut both = values(a, 0..3, &inner).zip(values(b, 0..3, &inner));
+            self.equal[at] = self.equal[at] && both.all(|(a, b)| a.to_bits() == b.to_bits());
+            self.black[at] = self.black[at] && values(a, 0..3, &inner).all(|value| value == 0.0);
+        }
+        for y in rows {
+            if y % self.step == 1 % self.step && y > 0 && y + 1 < self.height {
+                add_noise(&mut self.noise, band, y - first);
+            }
+            if y % self.step == 0 {
+                add_neighbours(&mut self.neighbours, &band.a.radiance, &band.b.radiance, y - first);
+            }
+        }
+    }
+
+    /// Warnings of a frame that was looked at from top to bottom.
+    pub(crate) fn verdict(&self, resolution: &Resolution) -> Result<Vec<String>, Error> {
+        self.check_finite(resolution)?;
+        self.check_identical(resolution)?;
+        let mut warnings = lossy_inputs(resolution);
+        warnings.extend(self.absent_roles());
+        warnings.extend(self.unusable_roles());
+        warnings.extend(self.correlated());
+        Ok(warnings)
+    }
+
+    fn check_finite(&self, resolution: &Resolution) -> Result<(), Error> {
+        for (finite, (role, buffer)) in self.finite.iter().zip(COLOURS) {
+            if let Some(c) = (0..3).find(|&c| !finite[c]) {
+                let filled = resolution.get(role, buffer);
+                let channel = filled.and_then(|filled| resolution.source(filled).channels.get(c).cloned());
+                return Err(Error::NothingFinite {
+                    path: path_of(resolution, role, buffer),
+                    purpose: Purpose::Role(role, buffer),
+                    channel: channel.unwrap_or_default(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Optional features that count as absent because they are nowhere finite.
+    fn unusable_roles(&self) -> Vec<String> {
+        let unusable = (0..Role::FEATURES.len()).filter(|&at| self.present[at] && !self.usable[at]);
+        unusable
+            .map(|at| format!("no pixel of the {} is finite in both halves: it counts as absent", Role::FEATURES[at]))
+            .collect()
+    }
+
+    /// Equal halves carry no information about the noise. A wholly black frame is left alone: it is equal because
+    /// there is no light, and sequences fade to black.
+    fn check_identical(&self, resolution: &Resolution) -> Result<(), Error> {
+        for (at, role) in [Role::Radiance, Role::Denoised].into_iter().enumerate() {
+            if self.equal[at] && !self.black[at] {
+                let (a, b) = (path_of(resolution, role, Buffer::A), path_of(resolution, role, Buffer::B));
+                return Err(Error::IdenticalHalves { a, b, purpose: Purpose::Role(role, Buffer::B) });
+            }
+        }
+        Ok(())
+    }
+
+    fn absent_roles(&self) -> Vec<String> {
+        let [albedo, normal, visibility] = self.present;
+        let present = [
+            (albedo, "no albedo: texture is told from noise by colour alone"),
+            (normal, "no normal: edges of shape are told from noise by colour alone"),
+            (visibility, "no visibility: shadow edges are told from noise by colour alone"),
+            (
+                self.has_full_denoised,
+                "no denoised full buffer: the mean of both denoised halves is the baseline, which is noisier",
+            ),
+        ];
+        present.iter().filter(|(is_there, _)| !is_there).map(|(_, line)| line.to_string()).collect()
+    }
+
+    fn correlated(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(r) = self.noise.correlation()
+            && r.abs() > HALVES_CORRELATED
+        {
+            warnings.push(format!(
+                "the noise of the halves is correlated ({r:.2}, expected about 0): they are not independent, and error estimates will be off"
+            ));
+        }
+        if let Some(r) = self.neighbours.correlation()
+            && r > NEIGHBOURS_CORRELATED
+        {
+            warnings.push(format!(
+                "the noise of neighbouring pixels is correlated ({r:.2}, expected about 0): the renderer's pixel filter spreads samples; a box filter corrects better"
+            ));
+        }
+        warnings
+    }
+}
+
+/// Values of some channels and rows.
+fn values<'a>(image: &'a Image, channels: Range<usize>, rows: &Range<usize>) -> impl Iterator<Item = f32> + 'a {
+    let part = rows.start * image.width()..rows.end * image.width();
+    channels.flat_map(move |c| image.plane(c)[part.clone()].iter().copied())
+}
+
+fn path_of(resolution: &Resolution, role: Role, buffer: Buffer) -> std::path::PathBuf {
+    let filled = resolution.get(role, buffer);
+    filled.map(|filled| resolution.files[filled.file].path.clone()).unwrap_or_default()
+}
+
+fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
+    let mut warnings: Vec<String> = Vec::new();
+    for filled in &resolution.filled {
+        let file = &resolution.files[filled.file];
+        let method = filled.channels.iter().find_map(|&at| file.lossy[file.channels[at].part]);
+        if let Some(method) = method {
+            let line = format!(
+                "{}: {} was stored with lossy {method}, so its noise is no longer the renderer's",
+                file.path.display(),
+                Purpose::Role(filled.role, filled.buffer)
+            );
+            warnings.push(line);
+        }
+    }
+    warnings
+}
+
+/// Correlation of the noise of both halves, -1..1, from signs so that no firefly decides it.
+///
+/// The noise is what remains of `y - z` in each half after the second difference in x and y, which takes out
+/// whatever is smooth, the denoiser's bias above all. `None` when too few pixels have noise.
+pub fn halves_correlation(frame: &Frame) -> Option<f64> {
+    let mut signs = SignCorrelation::default();
+    let (height, width) = (frame.height(), frame.width());
+    for y in (1..height.saturating_sub(1)).step_by(row_step(height, width)) {
+        add_noise(&mut signs, frame, y);
+    }
+    signs.correlation()
+}
+
+fn add_noise(signs: &mut SignCorrelation, frame: &Frame, y: usize) {
+    for c in 0..3 {
+        for x in 1..frame.width().saturating_sub(1) {
+            let a = second_difference(&frame.a.radiance, &frame.a.denoised, c, y, x);
+            let b = second_difference(&frame.b.radiance, &frame.b.denoised, c, y, x);
+            signs.add(a, b);
+        }
+    }
+}
+
+fn row_step(height: usize, width: usize) -> usize {
+    (height * width / MOST_PIXELS).max(1)
+}
+
+fn second_difference(y: &Image, z: &Image, c: usize, row: usize, column: usize) -> f32 {
+    let mut sum = 0.0;
+    for (dy, wy) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+        for (dx, wx) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+            let (row, column) = (row + dy - 1, column + dx - 1);
+            sum += wy * wx * (y.at(c, row, column) - z.at(c, row, column));
+        }
+    }
+    sum
+}
+
+/// Correlation of `a - b` between horizontally and vertically neighbouring pixels, from signs. The scene itself
+/// cancels in the difference. `None` when too few pixels differ.
+pub fn neighbour_correlation(a: &Image, b: &Image) -> Option<f64> {
+    let mut signs = SignCorrelation::default();
+    for y in (0..a.height()).step_by(row_step(a.height(), a.width())) {
+        add_neighbours(&mut signs, a, b, y);
+    }
+    signs.correlation()
+}
+
+fn add_neighbours(signs: &mut SignCorrelation, a: &Image, b: &Image, y: usize) {
+    let difference = |c, y, x| a.at(c, y, x) - b.at(c, y, x);
+    for c in 0..a.channels() {
+        for x in 0..a.width() {
+            let here = difference(c, y, x);
+            if x + 1 < a.width() {
+                signs.add(here, difference(c, y, x + 1));
+            }
+            if y + 1 < a.height() {
+                signs.add(here, difference(c, y + 1, x));
+            }
+        }
+    }
+}
+
+/// Quadrant correlation: for a bivariate normal, P(same sign) = 1/2 + asin(r)/π (Sheppard 1899).
+#[derive(Default)]
+struct SignCorrelation {
+    same: u64,
+    total: u64,
+}
+
+impl SignCorrelation {
+    fn add(&mut self, a: f32, b: f32) {
+        let product = f64::from(a) * f64::from(b);
+        if product.is_finite() && product != 0.0 {
+            self.total += 1;
+            self.same += u64::from(product > 0.0);
+        }
+    }
+
+    fn correlation(&self) -> Option<f64> {
+        let enough = self.total >= FEWEST_SAMPLES;
+        enough.then(|| (FRAC_PI_2 * (2.0 * self.same as f64 / self.total as f64 - 1.0)).sin())
+    }
+}

@@ -1,0 +1,109 @@
+//! A frame whose headers are read and whose rows are decoded when they are asked for, so that memory need not grow with
+//! the picture.
+
+use crate::checks::Inspection;
+use crate::error::Error;
+use crate::files::FrameFiles;
+use crate::overrides::RoleOverrides;
+use crate::resolve::{Resolution, resolve};
+use rayon::prelude::*;
+use sspc_image::{Buffer, Frame, HalfBuffer, Image, Role, RoleSource};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Files whose channels are known to make a frame.
+pub struct OpenFrame {
+    resolution: Resolution,
+    height: usize,
+    width: usize,
+}
+
+impl OpenFrame {
+    /// Finds the roles, reading headers only.
+    ///
+    /// # Errors
+    /// As [`resolve`].
+    pub fn open(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Self, Error> {
+        let resolution = resolve(files, overrides)?;
+        let Some(radiance) = resolution.get(Role::Radiance, Buffer::A) else {
+            // resolve() has refused frames without colour.
+            unreachable!("a resolved frame has colour");
+        };
+        let window = resolution.files[radiance.file].channels[radiance.channels[0]].window;
+        Ok(Self { height: window.height, width: window.width, resolution })
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Planes of all roles together.
+    pub fn planes(&self) -> usize {
+        self.resolution.filled.iter().map(|filled| filled.channels.len()).sum()
+    }
+
+    /// Which channels fill which role, in the order read.
+    pub fn sources(&self) -> Vec<RoleSource> {
+        self.resolution.filled.iter().map(|filled| self.resolution.source(filled)).collect()
+    }
+
+    /// Decodes some rows of every role, values as in the files; sources and warnings stay with the whole frame.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] and what else reading a file can raise.
+    ///
+    /// # Panics
+    /// When the rows leave the picture.
+    pub fn rows(&self, rows: Range<usize>) -> Result<Frame, Error> {
+        assert!(rows.start < rows.end && rows.end <= self.height, "rows {rows:?} of {}", self.height);
+        let of_file = |at: usize| {
+            let wanted: Vec<_> = self.resolution.filled.iter().filter(|filled| filled.file == at).collect();
+            let groups: Vec<Vec<usize>> = wanted.iter().map(|filled| filled.channels.clone()).collect();
+            let images = match groups.is_empty() {
+                true => Vec::new(),
+                false => self.resolution.files[at].rows(&groups, rows.clone())?,
+            };
+            Ok(wanted.into_iter().map(|filled| (filled.role, filled.buffer)).zip(images).collect::<Vec<_>>())
+        };
+        let files = (0..self.resolution.files.len()).into_par_iter();
+        let decoded = files.map(of_file).collect::<Result<Vec<_>, Error>>()?;
+        let mut images: BTreeMap<(Role, Buffer), Image> = decoded.into_iter().flatten().collect();
+        let a = take_half(&mut images, Buffer::A);
+        let b = take_half(&mut images, Buffer::B);
+        let denoised = images.remove(&(Role::Denoised, Buffer::Full));
+        let (Some(a), Some(b)) = (a, b) else {
+            // resolve() has refused frames without colour or denoised colour.
+            unreachable!("a resolved frame has both halves");
+        };
+        Ok(Frame { a, b, denoised, sources: Vec::new(), warnings: Vec::new() })
+    }
+
+    /// An inspection that has looked at nothing yet.
+    pub fn inspection(&self) -> Inspection {
+        Inspection::new(self.height, self.width)
+    }
+
+    /// Everything a person should know, when `inspection` has looked at all rows.
+    ///
+    /// # Errors
+    /// Halves that cannot be used: identical, or without any finite value.
+    pub fn warnings(&self, inspection: &Inspection) -> Result<Vec<String>, Error> {
+        let mut warnings = self.resolution.warnings.clone();
+        warnings.extend(inspection.verdict(&self.resolution)?);
+        Ok(warnings)
+    }
+}
+
+fn take_half(images: &mut BTreeMap<(Role, Buffer), Image>, buffer: Buffer) -> Option<HalfBuffer> {
+    Some(HalfBuffer {
+        radiance: images.remove(&(Role::Radiance, buffer))?,
+        denoised: images.remove(&(Role::Denoised, buffer))?,
+        albedo: images.remove(&(Role::Albedo, buffer)),
+        normal: images.remove(&(Role::Normal, buffer)),
+        visibility: images.remove(&(Role::Visibility, buffer)),
+    })
+}

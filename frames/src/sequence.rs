@@ -1,0 +1,220 @@
+//! Frame numbers in file names, and lists of frames.
+//!
+//! ```text
+//! pattern := any text with one place for the frame number
+//! place   := "#"+          as many digits at least as there are signs: shot.####.exr
+//!          | "%0" N "d"    N digits at least: shot.%04d.exr
+//!          | "%d"          no padding
+//! frames  := range ("," range)*
+//! range   := N | N "-" M | N "-" M "x" S       every S-th frame from N, at most M
+//! ```
+//! Frame numbers are 0 to 999 999 999; a list may name a frame twice, it is kept once, in the order first named.
+
+use crate::error::Error;
+use sspc_image::shown;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Largest frame number.
+pub const MAX_FRAME: u32 = 999_999_999;
+/// Most frames of one list: a feature film has about 200 000.
+pub const MAX_FRAMES: usize = 1_000_000;
+/// Widest padding.
+const MAX_DIGITS: usize = 16;
+
+/// A file name with a place for the frame number.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Pattern {
+    before: String,
+    digits: usize,
+    after: String,
+}
+
+impl Pattern {
+    /// Whether a text has a place for a frame number, that is, is meant as a pattern.
+    pub fn is_pattern(text: &str) -> bool {
+        text.contains('#') || find_percent(text).is_some()
+    }
+
+    /// The file of one frame.
+    pub fn path(&self, frame: u32) -> PathBuf {
+        let width = self.digits;
+        PathBuf::from(format!("{}{frame:0width$}{}", self.before, self.after))
+    }
+
+    /// The frame number of a file of this pattern; `None` for other files. The inverse of [`Pattern::path`].
+    pub fn frame_of(&self, path: &Path) -> Option<u32> {
+        let number = path.to_str()?.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
+        let plain = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+        let frame = number.parse().ok().filter(|frame| plain && *frame <= MAX_FRAME)?;
+        (self.path(frame) == path).then_some(frame)
+    }
+}
+
+impl FromStr for Pattern {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let wrong = |found: &str| Error::Pattern {
+            text: shown(text),
+            expected: "one place for the frame number, #### or %04d".to_string(),
+            found: found.to_string(),
+        };
+        let hashes = text.find('#').map(|start| {
+            let digits = text[start..].bytes().take_while(|byte| *byte == b'#').count();
+            (start, digits, digits)
+        });
+        let (start, length, digits) = match (hashes, find_percent(text)) {
+            (Some(place), None) | (None, Some(place)) => place,
+            (Some(_), Some(_)) => return Err(wrong("both forms")),
+            (None, None) => return Err(wrong("none")),
+        };
+        if digits > MAX_DIGITS {
+            return Err(wrong(&format!("{digits} digits")));
+        }
+        let (before, after) = (text[..start].to_string(), text[start + length..].to_string());
+        if Self::is_pattern(&after) {
+            return Err(wrong("more than one"));
+        }
+        Ok(Self { before, digits, after })
+    }
+}
+
+impl fmt::Display for Pattern {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.digits {
+            0 => write!(out, "{}%d{}", self.before, self.after),
+            digits => write!(out, "{}{}{}", self.before, "#".repeat(digits), self.after),
+        }
+    }
+}
+
+/// Start, length and digits of the first `%d` or `%0Nd`.
+fn find_percent(text: &str) -> Option<(usize, usize, usize)> {
+    text.match_indices('%').find_map(|(start, _)| {
+        let rest = &text[start + 1..];
+        if rest.starts_with('d') {
+            return Some((start, 2, 0));
+        }
+        let width: String = rest.strip_prefix('0')?.chars().take_while(char::is_ascii_digit).collect();
+        let ends = rest[1 + width.len()..].starts_with('d');
+        // A width too long to parse is too wide, which the caller refuses.
+        let digits = width.parse().unwrap_or(usize::MAX);
+        (ends && !width.is_empty()).then_some((start, width.len() + 3, digits))
+    })
+}
+
+/// Frames in the order they were named, each once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frames {
+    list: Vec<u32>,
+}
+
+impl Frames {
+    /// The frame numbers, at least one.
+    pub fn as_slice(&self) -> &[u32] {
+        &self.list
+    }
+
+    /// Frames from a list of numbers, duplicates dropped.
+    pub fn from_numbers(numbers: impl IntoIterator<Item = u32>) -> Self {
+        let mut seen = std::collections::HashSet::new();
+        Self { list: numbers.into_iter().filter(|number| seen.insert(*number)).collect() }
+    }
+}
+
+impl<'a> IntoIterator for &'a Frames {
+    type Item = u32;
+    type IntoIter = std::iter::Copied<std::slice::Iter<'a, u32>>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.list.iter().copied()
+    }
+}
+
+impl FromStr for Frames {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let mut ranges = Vec::new();
+        let mut total = 0usize;
+        for part in text.split(',') {
+            let range = parse_range(text, part.trim())?;
+            total = total.saturating_add(range.count());
+            if total > MAX_FRAMES {
+                return Err(wrong_frames(text, &format!("at most {MAX_FRAMES} frames"), "more"));
+            }
+            ranges.push(range);
+        }
+        Ok(Self::from_numbers(ranges.into_iter().flat_map(|range| (range.first..=range.last).step_by(range.step))))
+    }
+}
+
+impl fmt::Display for Frames {
+    /// The shortest list of single frames and runs that names the same frames in the same order.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut rest = self.list.as_slice();
+        let mut separator = "";
+        while let [first, ..] = rest {
+            let run = run_length(rest);
+            let last = rest[run - 1];
+            match run {
+                1 => write!(out, "{separator}{first}")?,
+                _ if last - first == run as u32 - 1 => write!(out, "{separator}{first}-{last}")?,
+                _ => write!(out, "{separator}{first}-{last}x{}", rest[1] - first)?,
+            }
+            separator = ",";
+            rest = &rest[run..];
+        }
+        Ok(())
+    }
+}
+
+/// How many frames from the start have one step; two frames make a run only when they follow each other.
+fn run_length(list: &[u32]) -> usize {
+    let Some(step) = list.get(1).and_then(|second| second.checked_sub(list[0])) else { return 1 };
+    let run = 1 + list.windows(2).take_while(|pair| pair[1].checked_sub(pair[0]) == Some(step)).count();
+    if run == 2 && step > 1 { 1 } else { run }
+}
+
+struct Range {
+    first: u32,
+    last: u32,
+    step: usize,
+}
+
+impl Range {
+    fn count(&self) -> usize {
+        (self.last - self.first) as usize / self.step + 1
+    }
+}
+
+fn wrong_frames(text: &str, expected: &str, found: &str) -> Error {
+    Error::Pattern { text: shown(text), expected: expected.to_string(), found: shown(found) }
+}
+
+fn parse_range(text: &str, part: &str) -> Result<Range, Error> {
+    let number = |digits: &str| {
+        let plain = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+        let parsed = digits.parse::<u32>().ok().filter(|number| plain && *number <= MAX_FRAME);
+        parsed
+            .ok_or_else(|| wrong_frames(text, &format!("frame numbers from 0 to {MAX_FRAME}"), &format!("'{digits}'")))
+    };
+    let Some((first, rest)) = part.split_once('-') else {
+        let frame = number(part)?;
+        return Ok(Range { first: frame, last: frame, step: 1 });
+    };
+    let (last, step) = match rest.split_once('x') {
+        Some((last, step)) => (number(last)?, number(step)?),
+        None => (number(rest)?, 1),
+    };
+    let first = number(first)?;
+    if step == 0 {
+        return Err(wrong_frames(text, "a step of at least 1", "a step of 0"));
+    }
+    if last < first {
+        return Err(wrong_frames(text, "a range that rises", &format!("'{part}'")));
+    }
+    Ok(Range { first, last, step: step as usize })
+}

@@ -1,0 +1,127 @@
+//! What one frame consists of, as read: values in the file's own units, NaN and Inf included.
+
+use crate::{Buffer, Image, Role};
+use std::path::PathBuf;
+
+/// Which channels of which file filled a role.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RoleSource {
+    pub role: Role,
+    pub buffer: Buffer,
+    pub path: PathBuf,
+    /// Full channel names as in the file, in component order.
+    pub channels: Vec<String>,
+}
+
+/// One half of the samples, with all that was rendered or denoised from it alone.
+#[derive(Clone, Debug)]
+pub struct HalfBuffer {
+    /// y: linear scene-referred RGB, `[3, H, W]`.
+    pub radiance: Image,
+    /// z: the denoiser's output on this half, `[3, H, W]`.
+    pub denoised: Image,
+    /// ρ: `[3, H, W]`, 0..1.
+    pub albedo: Option<Image>,
+    /// n: `[3, H, W]`, -1..1.
+    pub normal: Option<Image>,
+    /// v: `[1, H, W]`, 0..1.
+    pub visibility: Option<Image>,
+}
+
+/// A rendered reference; its own halves let its noise be taken out of relL2.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// `[3, H, W]`
+    pub mean: Image,
+    /// Two independent halves of which `mean` is the mean.
+    pub halves: Option<[Image; 2]>,
+}
+
+/// A frame: two half buffers of one size, and what was made of both together.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    pub a: HalfBuffer,
+    pub b: HalfBuffer,
+    /// The denoiser's output on the full buffer; without it the mean of both halves' is the baseline.
+    pub denoised: Option<Image>,
+    /// Which channel filled which role, in the order read.
+    pub sources: Vec<RoleSource>,
+    /// One line each: lossy input, absent feature and its consequence, ...
+    pub warnings: Vec<String>,
+}
+
+impl HalfBuffer {
+    /// The image of an optional feature.
+    pub fn feature(&self, role: Role) -> Option<&Image> {
+        match role {
+            Role::Albedo => self.albedo.as_ref(),
+            Role::Normal => self.normal.as_ref(),
+            Role::Visibility => self.visibility.as_ref(),
+            Role::Radiance | Role::Denoised => None,
+        }
+    }
+
+    /// The rows `top..top + height` of every image.
+    pub fn rows(&self, top: usize, height: usize) -> HalfBuffer {
+        let cut = |image: &Image| image.crop(top, 0, height, image.width());
+        HalfBuffer {
+            radiance: cut(&self.radiance),
+            denoised: cut(&self.denoised),
+            albedo: self.albedo.as_ref().map(cut),
+            normal: self.normal.as_ref().map(cut),
+            visibility: self.visibility.as_ref().map(cut),
+        }
+    }
+}
+
+impl Frame {
+    /// Whether either half has the feature.
+    pub fn has(&self, feature: Role) -> bool {
+        self.a.feature(feature).is_some() || self.b.feature(feature).is_some()
+    }
+
+    /// Whether some pixel of the feature is finite in every half that has it.
+    pub fn has_finite(&self, feature: Role) -> bool {
+        let images: Vec<&Image> = [&self.a, &self.b].into_iter().filter_map(|half| half.feature(feature)).collect();
+        let finite = |i: usize| images.iter().all(|f| (0..f.channels()).all(|c| f.plane(c)[i].is_finite()));
+        !images.is_empty() && (0..images[0].pixels()).any(finite)
+    }
+
+    /// The rows `top..top + height` of every image; sources and warnings stay with the whole frame.
+    pub fn rows(&self, top: usize, height: usize) -> Frame {
+        Frame {
+            a: self.a.rows(top, height),
+            b: self.b.rows(top, height),
+            denoised: self.denoised.as_ref().map(|z| z.crop(top, 0, height, z.width())),
+            sources: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The rows `top..top + height` of the colours alone, without the features.
+    pub fn colours(&self, top: usize, height: usize) -> Frame {
+        let cut = |image: &Image| image.crop(top, 0, height, image.width());
+        let half = |h: &HalfBuffer| HalfBuffer {
+            radiance: cut(&h.radiance),
+            denoised: cut(&h.denoised),
+            albedo: None,
+            normal: None,
+            visibility: None,
+        };
+        Frame {
+            a: half(&self.a),
+            b: half(&self.b),
+            denoised: self.denoised.as_ref().map(cut),
+            sources: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    pub fn height(&self) -> usize {
+        self.a.radiance.height()
+    }
+
+    pub fn width(&self) -> usize {
+        self.a.radiance.width()
+    }
+}

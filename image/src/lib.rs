@@ -1,0 +1,14 @@
+//! Planar images, and what a frame consists of: the vocabulary that files and method share.
+#![forbid(unsafe_code)]
+
+mod display;
+mod frame;
+mod image;
+mod role;
+mod shown;
+
+pub use display::display;
+pub use frame::{Frame, HalfBuffer, Reference, RoleSource};
+pub use image::Image;
+pub use role::{Buffer, Role};
+pub use shown::shown;

@@ -1,0 +1,81 @@
+//! What a channel means to the method, and which samples an image was made from.
+
+use std::fmt;
+
+/// What a channel of a file means to the method (see the role table of the README).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Role {
+    /// Noisy radiance y, 3 channels.
+    Radiance,
+    /// The denoiser's output z, 3 channels.
+    Denoised,
+    /// Albedo ρ, 3 channels.
+    Albedo,
+    /// Shading normal n, 3 channels.
+    Normal,
+    /// Visibility of the lights at the first hit v, 1 channel.
+    Visibility,
+}
+
+/// Which of the sample sets an image was made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Buffer {
+    /// Half buffer a.
+    A,
+    /// Half buffer b.
+    B,
+    /// The full buffer (a + b) / 2.
+    Full,
+}
+
+impl Role {
+    /// All roles, in the order they are read.
+    pub const ALL: [Role; 5] = [Role::Radiance, Role::Denoised, Role::Albedo, Role::Normal, Role::Visibility];
+
+    /// The optional features, in the order of the network's inputs but for visibility.
+    pub const FEATURES: [Role; 3] = [Role::Albedo, Role::Normal, Role::Visibility];
+
+    /// The word for this role on command lines and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Role::Radiance => "radiance",
+            Role::Denoised => "denoised",
+            Role::Albedo => "albedo",
+            Role::Normal => "normal",
+            Role::Visibility => "visibility",
+        }
+    }
+}
+
+impl Buffer {
+    /// The word for this buffer on command lines and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Buffer::A => "a",
+            Buffer::B => "b",
+            Buffer::Full => "full",
+        }
+    }
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Role::Radiance => "noisy colour",
+            Role::Denoised => "denoised colour",
+            Role::Albedo => "albedo",
+            Role::Normal => "normal",
+            Role::Visibility => "visibility",
+        })
+    }
+}
+
+impl fmt::Display for Buffer {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Buffer::A => "half a",
+            Buffer::B => "half b",
+            Buffer::Full => "the full buffer",
+        })
+    }
+}

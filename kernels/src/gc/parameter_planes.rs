@@ -1,0 +1,40 @@
+//! Where the parameters of a region lie.
+
+use crate::parameters::Form;
+use crate::region::Region;
+use crate::windows::Windows;
+
+/// Activated parameters of a region: `plane` floats from one parameter to the next, rows of the
+/// region `row` floats apart from `start` on.
+#[derive(Clone, Copy, Debug)]
+pub struct ParameterPlanes<'a> {
+    pub form: Form,
+    pub values: &'a [f32],
+    pub start: usize,
+    pub plane: usize,
+    pub row: usize,
+}
+
+impl<'a> ParameterPlanes<'a> {
+    /// Parameters `[P, region.height, region.width]` of one region alone.
+    pub fn of_region(form: Form, values: &'a [f32], region: &Region) -> Self {
+        Self { form, values, start: 0, plane: region.pixels(), row: region.width }
+    }
+
+    /// The part of a whole picture's parameters `[P, H, W]` that belongs to `region`.
+    pub fn of_picture(form: Form, values: &'a [f32], windows: &Windows, region: &Region) -> Self {
+        Self {
+            form,
+            values,
+            start: region.top * windows.width() + region.left,
+            plane: windows.height() * windows.width(),
+            row: windows.width(),
+        }
+    }
+
+    pub(super) fn check(&self, region: &Region) {
+        let last =
+            self.start + (self.form.parameters() - 1) * self.plane + (region.height - 1) * self.row + region.width;
+        assert!(last <= self.values.len() && region.width <= self.row, "parameters cover the region");
+    }
+}

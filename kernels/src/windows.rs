@@ -1,0 +1,251 @@
+//! The padded planes from which g_c's windows are read.
+
+use crate::features::{FEATURE_CHANNELS, FeatureSet, MAX_RADIUS};
+use crate::region::Region;
+use crate::simd::MAX_LANES;
+use rayon::prelude::*;
+use sspc_image::Image;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Rows that are padded by one thread at a time.
+const ROWS_A_JOB: usize = 16;
+
+/// The 13 feature planes of a picture with mirrored borders (the edge pixel repeated), from which
+/// every window Ω_c can be read without a bounds check, and the mask of missing pixels.
+#[derive(Clone, Debug)]
+pub struct Windows {
+    height: usize,
+    width: usize,
+    radius: usize,
+    stride: usize,
+    plane: usize,
+    set: FeatureSet,
+    /// 13 planes, then the mask's plane when there is one.
+    data: Vec<f32>,
+    masked: bool,
+}
+
+impl Windows {
+    /// Windows of `radius` over features `[13, H, W]`; `valid` is 1 where a pixel counts and 0
+    /// where it is missing, `[1, H, W]`.
+    ///
+    /// # Panics
+    /// When the features have other channels, or the radius exceeds [`MAX_RADIUS`].
+    pub fn new(features: &Image, valid: Option<&Image>, set: FeatureSet, radius: usize) -> Self {
+        assert_eq!(features.channels(), FEATURE_CHANNELS, "feature channels");
+        let fill = |c: usize, y: usize, row: &mut [f32]| row.copy_from_slice(features.row(c, y));
+        let size = (features.height(), features.width());
+        Self::of_rows(size, 0..features.height(), fill, valid, set, radius)
+    }
+
+    /// Windows of the pixels in `rows` of a picture of `size` (height, width), of which
+    /// `fill(channel, y, row)` gives the rows, on all threads. Only the picture's borders are
+    /// mirrored, and rows count from the first of `rows`.
+    pub fn of_rows(
+        size: (usize, usize),
+        rows: Range<usize>,
+        fill: impl Fn(usize, usize, &mut [f32]) + Sync,
+        valid: Option<&Image>,
+        set: FeatureSet,
+        radius: usize,
+    ) -> Self {
+        let (picture_height, width) = size;
+        let mut windows = Self::within(Vec::new(), rows.len(), width, valid.is_some(), set, radius);
+        let padded_rows = rows.len() + 2 * radius;
+        let lines = windows.data.par_chunks_exact_mut(windows.stride).with_min_len(ROWS_A_JOB).enumerate();
+        lines.for_each(|(line, padded)| {
+            let (c, row) = (line / padded_rows, rows.start + line % padded_rows);
+            let y = mirrored(row as isize - radius as isize, picture_height);
+            let inside = &mut padded[radius..radius + width];
+            match valid.filter(|_| c == FEATURE_CHANNELS) {
+                Some(valid) => inside.copy_from_slice(valid.row(0, y)),
+                None => fill(c, y, inside),
+            }
+            mirror_sides(padded, width, radius);
+        });
+        windows
+    }
+
+    /// Windows of the pixels of `region`, as those of the whole picture are there; pixels count from
+    /// the region's first. Small regions on many threads: each is made by one.
+    fn of_region(
+        features: &Image,
+        valid: Option<&Image>,
+        set: FeatureSet,
+        radius: usize,
+        Region { top, left, height, width }: Region,
+        buffer: Vec<f32>,
+    ) -> Self {
+        let mut windows = Self::within(buffer, height, width, valid.is_some(), set, radius);
+        let (padded_rows, first) = (height + 2 * radius, left as isize - radius as isize);
+        // Columns of a padded row that lie inside the picture.
+        let inside = radius.saturating_sub(left)..(features.width() + radius - left).min(windows.stride);
+        for (line, padded) in windows.data.chunks_exact_mut(windows.stride).enumerate() {
+            let (c, row) = (line / padded_rows, top + line % padded_rows);
+            let y = mirrored(row as isize - radius as isize, features.height());
+            let source = match valid.filter(|_| c == FEATURE_CHANNELS) {
+                Some(valid) => valid.row(0, y),
+                None => features.row(c, y),
+            };
+            let from = (first + inside.start as isize) as usize;
+            padded[inside.clone()].copy_from_slice(&source[from..from + inside.len()]);
+            for x in (0..inside.start).chain(inside.end..padded.len()) {
+                padded[x] = source[mirrored(first + x as isize, source.len())];
+            }
+        }
+        windows
+    }
+
+    /// Windows that are still to be filled.
+    fn within(mut data: Vec<f32>, height: usize, width: usize, masked: bool, set: FeatureSet, radius: usize) -> Self {
+        assert!(radius <= MAX_RADIUS, "window radius {radius} above {MAX_RADIUS}");
+        // A vector that starts at the last pixel and looks `radius` to the right stays inside.
+        let stride = width + 2 * radius + MAX_LANES;
+        let plane = (height + 2 * radius) * stride;
+        data.resize((FEATURE_CHANNELS + usize::from(masked)) * plane, 0.0);
+        Self { height, width, radius, stride, plane, set, data, masked }
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn radius(&self) -> usize {
+        self.radius
+    }
+
+    /// Floats from one row to the next.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Floats from one plane to the next.
+    pub fn plane(&self) -> usize {
+        self.plane
+    }
+
+    pub fn set(&self) -> FeatureSet {
+        self.set
+    }
+
+    /// Whether a fourteenth plane marks missing pixels.
+    pub fn masked(&self) -> bool {
+        self.masked
+    }
+
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// The memory, to be used for other windows.
+    pub fn into_data(self) -> Vec<f32> {
+        self.data
+    }
+
+    /// Where pixel (y, x) lies in a plane.
+    pub fn offset(&self, y: usize, x: usize) -> usize {
+        (y + self.radius) * self.stride + x + self.radius
+    }
+
+    /// Feature `c` at a pixel that may lie up to `radius` outside the picture.
+    pub fn at(&self, c: usize, y: isize, x: isize) -> f32 {
+        let r = self.radius as isize;
+        self.data[c * self.plane + (y + r) as usize * self.stride + (x + r) as usize]
+    }
+}
+
+/// A picture's features, shared, from which the windows of any tile are made when they are needed:
+/// padded planes of the whole picture would hold the features a second time.
+#[derive(Clone, Debug)]
+pub struct FeaturePlanes {
+    features: Arc<Image>,
+    valid: Option<Arc<Image>>,
+    set: FeatureSet,
+    radius: usize,
+}
+
+impl FeaturePlanes {
+    /// Features `[13, H, W]` and the mask of missing pixels, as of [`Windows::new`].
+    ///
+    /// # Panics
+    /// When the features have other channels.
+    pub fn new(features: Arc<Image>, valid: Option<Arc<Image>>, set: FeatureSet, radius: usize) -> Self {
+        assert_eq!(features.channels(), FEATURE_CHANNELS, "feature channels");
+        Self { features, valid, set, radius }
+    }
+
+    /// The features, `[13, H, W]`.
+    pub fn features(&self) -> &Image {
+        &self.features
+    }
+
+    /// The windows of the pixels of `region`; pixels count from the region's first. `buffer` is the
+    /// memory of earlier windows, or empty.
+    pub fn windows(&self, region: Region, buffer: Vec<f32>) -> Windows {
+        Windows::of_region(&self.features, self.valid.as_deref(), self.set, self.radius, region, buffer)
+    }
+}
+
+/// Index of the pixel that stands at `i` when `0..n` is mirrored with its edge pixels repeated.
+pub fn mirrored(i: isize, n: usize) -> usize {
+    let n = n as isize;
+    let m = i.rem_euclid(2 * n);
+    (if m < n { m } else { 2 * n - 1 - m }) as usize
+}
+
+/// Completes a padded row whose pixels `radius..radius + width` are there.
+fn mirror_sides(row: &mut [f32], width: usize, radius: usize) {
+    for x in (0..radius).chain(radius + width..row.len()) {
+        row[x] = row[radius + mirrored(x as isize - radius as isize, width)];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fastrand::Rng;
+
+    /// Fails when a tile's windows differ anywhere from the picture's: at borders, beside them, inside.
+    #[test]
+    fn windows_of_a_region_are_those_of_the_picture() {
+        let mut rng = Rng::with_seed(4);
+        for (height, width, radius) in [(1, 1, 3), (9, 5, 7), (30, 41, 2), (20, 70, 9)] {
+            let features = Image::from_fn(FEATURE_CHANNELS, height, width, |_, _, _| rng.f32());
+            let valid = Image::from_fn(1, height, width, |_, _, _| f32::from(rng.f32() > 0.2));
+            let whole = Windows::new(&features, Some(&valid), FeatureSet::ALL, radius);
+            let planes =
+                FeaturePlanes::new(Arc::new(features.clone()), Some(Arc::new(valid.clone())), FeatureSet::ALL, radius);
+            let (top, left) = (height / 3, width / 3);
+            let inner = Region { top, left, height: height - top, width: (width - left).div_ceil(2) };
+            let rows = Region { left: 0, width, ..inner };
+            let fill = |c: usize, y: usize, row: &mut [f32]| row.copy_from_slice(features.row(c, y));
+            let size = (height, width);
+            let band = Windows::of_rows(size, top..height, fill, Some(&valid), FeatureSet::ALL, radius);
+            let all = Region { top: 0, left: 0, height, width };
+            for (part, region) in
+                [(planes.windows(inner, vec![7.0; 99]), inner), (planes.windows(all, Vec::new()), all), (band, rows)]
+            {
+                assert_eq!((part.height(), part.width(), part.masked()), (region.height, region.width, true));
+                for c in 0..=FEATURE_CHANNELS {
+                    for y in 0..region.height + 2 * radius {
+                        let found = &part.data()[c * part.plane() + y * part.stride()..][..part.stride()];
+                        let from = c * whole.plane() + (region.top + y) * whole.stride() + region.left;
+                        assert_eq!(found, &whole.data()[from..][..part.stride()], "channel {c}, row {y}, {region:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_indices_repeat_the_edges() {
+        assert_eq!((0..8).map(|i| mirrored(i, 3)).collect::<Vec<_>>(), [0, 1, 2, 2, 1, 0, 0, 1]);
+        assert_eq!((-4..0).map(|i| mirrored(i, 3)).collect::<Vec<_>>(), [2, 2, 1, 0]);
+        assert_eq!((-1..2).map(|i| mirrored(i, 1)).collect::<Vec<_>>(), [0, 0, 0]);
+    }
+}
