@@ -1,24 +1,14 @@
 //! From network to picture: parameters of every pixel, and g_c over the whole picture.
 
-use crate::native;
 use crate::plan::{BLOCK_ROWS, Plan};
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 use sspc_kernels::gc::{self, ParameterPlanes, Taps};
-use sspc_kernels::network::{Network, WindowNetwork};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
-
-/// Activated parameters `[P, H, W]` of features `[13, H, W]`, where the plan computes anything.
-///
-/// # Panics
-/// When the network's outputs are not the form's parameters.
-pub fn parameters(isa: Isa, form: Form, network: &Network, features: &Image, plan: &Plan) -> Image {
-    native::run_picture(&WindowNetwork::new(isa, form, network), features, plan)
-}
 
 /// μ̂ of a picture, `[3, H, W]`, of activated `parameters` `[P, H, W]`; z of the windows where the plan
 /// skips.

@@ -3,20 +3,8 @@
 
 use sspc_image::{Frame, Image};
 
-/// Replaces non-finite pixels of `picture` (`[3, H, W]`, the frame's units): [`fill_from_sources`],
-/// then [`grow_shut`].
-pub fn fill_missing(picture: &mut Image, frame: &Frame) {
-    fill_from_sources(picture, frame);
-    grow_shut(picture);
-}
-
-/// Gives non-finite pixels the value of the first image of the frame that is finite there; without
-/// one they stay.
-pub fn fill_from_sources(picture: &mut Image, frame: &Frame) {
-    put(picture, &values_from_sources(picture, frame));
-}
-
-/// What [`fill_from_sources`] would put where, by the pixel's index.
+/// Values of the non-finite pixels of `picture`, by their index: those of the first image of the frame that is finite
+/// there; pixels without one are left out.
 pub fn values_from_sources(picture: &Image, frame: &Frame) -> Vec<(usize, [f32; 3])> {
     let sources = [&frame.a.denoised, &frame.b.denoised, &frame.a.radiance, &frame.b.radiance];
     let value = |i: usize| {
@@ -80,6 +68,12 @@ fn neighbours_mean(picture: &Image, i: usize, height: usize, width: usize) -> Op
 mod tests {
     use super::*;
     use sspc_image::HalfBuffer;
+
+    fn fill_missing(picture: &mut Image, frame: &Frame) {
+        let values = values_from_sources(picture, frame);
+        put(picture, &values);
+        grow_shut(picture);
+    }
 
     fn frame(radiance: Image, denoised: Image) -> Frame {
         let half = HalfBuffer { radiance, denoised, albedo: None, normal: None, visibility: None };

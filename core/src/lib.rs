@@ -1,16 +1,37 @@
 //! The method of self-supervised post-correction, apart from any learning framework and from files.
+//!
+//! In the order of the data:
+//!
+//! | module | step |
+//! |---|---|
+//! | [`frame_stats`] | what is decided once for a frame: exposure, features in use |
+//! | [`prepare`] | a frame in the method's units |
+//! | [`plan`] | what of the picture is computed |
+//! | [`start`] | a network's weights before training |
+//! | [`objective`] | the self-supervised loss (Eqs. 8, 9) of training tiles, and its gradient |
+//! | [`tiles`] | features to parameters, tile by tile |
+//! | [`corrector`] | parameters to g_c over a picture |
+//! | `blend_weight` | how much of a correction is kept, pixel by pixel |
+//! | [`compose`] | corrected halves to the finished rows |
+//! | [`frame_sums`] | what the whole picture is judged by |
+//! | [`estimate`] | the error, told without a reference |
+//! | [`fill`] | values of missing pixels |
+//! | [`correct`] | all of it: the one way from a frame and a network to the picture |
 #![forbid(unsafe_code)]
 
+pub mod bands;
+mod blend_weight;
+pub mod box_mean;
+pub mod compose;
+pub mod correct;
 pub mod corrector;
 pub mod estimate;
 pub mod fill;
-pub mod finish;
-mod judge;
-pub mod native;
+pub mod frame_stats;
+pub mod frame_sums;
 pub mod objective;
 pub mod plan;
 pub mod prepare;
 pub mod rng;
-pub mod smooth;
 pub mod start;
-pub mod survey;
+pub mod tiles;

@@ -2,14 +2,14 @@
 //! colours, missing pixels marked, feature tensors in channel order.
 
 use crate::plan::Plan;
-use crate::survey::validity;
 use sspc_image::{Frame, HalfBuffer, Image};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-pub use crate::survey::{Exposure, Findings, Survey};
+use crate::frame_stats::validity;
+pub use crate::frame_stats::{Exposure, Findings, FrameStats};
 
 /// A frame in the method's units.
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ pub struct Prepared {
 
 /// Whose z, albedo, normal and visibility.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Buffer {
+pub enum Guides {
     /// The half's own.
     Half,
     /// Of all samples.
@@ -43,33 +43,33 @@ pub enum Buffer {
 impl Prepared {
     /// Brings a frame into the method's units.
     pub fn new(frame: &Frame, exposure: Exposure) -> Self {
-        Self::by_survey(frame, Survey::of(frame, exposure))
+        Self::by_stats(frame, &FrameStats::of(frame, exposure))
     }
 
     /// Brings a frame, or a band of it, into the units that were decided for the whole frame.
-    pub fn by_survey(frame: &Frame, survey: Survey) -> Self {
-        let valid = validity(frame, survey.found.unusable);
-        let half = |h: &HalfBuffer| half_features(h, survey, &valid);
+    pub fn by_stats(frame: &Frame, stats: &FrameStats) -> Self {
+        let valid = validity(frame, stats.found.unusable);
+        let half = |h: &HalfBuffer| half_features(h, stats, &valid);
         let halves = [half(&frame.a), half(&frame.b)];
-        let denoised = colour(&baseline(frame), survey.exposure, &valid);
-        Self::of_parts(halves, denoised, valid, survey)
+        let denoised = colour(&baseline(frame), stats.exposure, &valid);
+        Self::of_parts(halves, denoised, valid, stats)
     }
 
     /// The same of a whole frame that is given away, each half as soon as its features are there; and
     /// the [`baseline`], which the correction will be added to.
-    pub fn of_owned(frame: Frame, survey: Survey) -> (Self, Image) {
-        let valid = validity(&frame, survey.found.unusable);
+    pub fn of_owned(frame: Frame, stats: &FrameStats) -> (Self, Image) {
+        let valid = validity(&frame, stats.found.unusable);
         let baseline = baseline(&frame).into_owned();
         let Frame { a, b, denoised, .. } = frame;
         drop(denoised);
-        let features = |half: HalfBuffer| half_features(&half, survey, &valid);
+        let features = |half: HalfBuffer| half_features(&half, stats, &valid);
         let halves = [features(a), features(b)];
-        let denoised = colour(&baseline, survey.exposure, &valid);
-        (Self::of_parts(halves, denoised, valid, survey), baseline)
+        let denoised = colour(&baseline, stats.exposure, &valid);
+        (Self::of_parts(halves, denoised, valid, stats), baseline)
     }
 
-    fn of_parts(halves: [Image; 2], denoised: Image, valid: Image, survey: Survey) -> Self {
-        let Survey { exposure, set, found, .. } = survey;
+    fn of_parts(halves: [Image; 2], denoised: Image, valid: Image, stats: &FrameStats) -> Self {
+        let FrameStats { exposure, set, found, .. } = *stats;
         let valid = valid.plane(0).contains(&0.0).then_some(valid);
         let plan = Plan::new(&halves, valid.as_ref());
         Self { plan, exposure, halves: halves.map(Arc::new), denoised, valid, set, found }
@@ -77,7 +77,7 @@ impl Prepared {
 
     /// With every pixel to be computed, unless the `whole` frame's halves are equal everywhere: there
     /// is nothing to correct then. A picture that is not judged is computed so, as in the paper.
-    pub fn without_skips(mut self, whole: Survey) -> Self {
+    pub fn without_skips(mut self, whole: &FrameStats) -> Self {
         if whole.noisy {
             self.plan = Plan::everything(self.height(), self.width());
         }
@@ -104,16 +104,16 @@ impl Prepared {
         self.denoised.width()
     }
 
-    /// Row `y` of feature `c` of half `h`, with z and the other features of the buffer asked for; y is
+    /// Row `y` of feature `c` of half `h`, with z and the other features of the guides asked for; y is
     /// always the half's. The full buffer's are what g_c is evaluated on when the picture is made.
-    pub fn feature_row(&self, h: usize, buffer: Buffer, c: usize, y: usize, row: &mut [f32]) {
+    pub fn feature_row(&self, h: usize, guides: Guides, c: usize, y: usize, row: &mut [f32]) {
         let own = self.halves[h].row(c, y);
-        match (buffer, c) {
-            (Buffer::Full, ALBEDO..DENOISED) => {
+        match (guides, c) {
+            (Guides::Full, ALBEDO..DENOISED) => {
                 let other = self.halves[1 - h].row(c, y);
                 row.iter_mut().zip(own.iter().zip(other)).for_each(|(v, (a, b))| *v = 0.5 * (a + b));
             }
-            (Buffer::Full, DENOISED..) => row.copy_from_slice(self.denoised.row(c - DENOISED, y)),
+            (Guides::Full, DENOISED..) => row.copy_from_slice(self.denoised.row(c - DENOISED, y)),
             _ => row.copy_from_slice(own),
         }
     }
@@ -140,7 +140,7 @@ fn colour(picture: &Image, exposure: f32, valid: &Image) -> Image {
     })
 }
 
-fn half_features(half: &HalfBuffer, Survey { exposure, set, .. }: Survey, valid: &Image) -> Image {
+fn half_features(half: &HalfBuffer, &FrameStats { exposure, set, .. }: &FrameStats, valid: &Image) -> Image {
     let albedo = half.albedo.as_ref().filter(|_| set.albedo);
     let visibility = half.visibility.as_ref().filter(|_| set.visibility);
     let normal = half.normal.as_ref().filter(|_| set.normal);

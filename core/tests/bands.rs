@@ -3,7 +3,7 @@
 use sspc_core::corrector::parameters;
 use sspc_core::estimate::BLOCK;
 use sspc_core::finish::{Composition, Finish, Tally, finish, margin};
-use sspc_core::prepare::{Exposure, Prepared, Survey};
+use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_image::{Frame, HalfBuffer, Image};
 use sspc_kernels::gc::Taps;
@@ -47,14 +47,14 @@ fn bands_give_the_same_picture_and_the_same_figures() {
         let [a, b] = planes(&whole);
         let expected = finish(isa, form, &taps, composition, &whole, [&a, &b]);
 
-        let survey = Survey::of(&frame, Exposure::Normalised);
+        let survey = FrameStats::of(&frame, Exposure::Normalised);
         let around = (margin(&taps, composition) + shape.radius()).next_multiple_of(BLOCK);
         let (mut tally, mut corrections) = (Tally::default(), Vec::new());
         for top in (0..height).step_by(48) {
             let bottom = (top + 48).min(height);
             let first = top.saturating_sub(around);
             let rows = frame.rows(first, (bottom + around).min(height) - first);
-            let band = Prepared::by_survey(&rows, survey);
+            let band = Prepared::by_stats(&rows, survey);
             let [a, b] = planes(&band);
             let how = Finish { isa, form, taps: &taps, composition, strength: 1.0 };
             let part = how.rows(&band, [&a, &b], top - first..bottom - first);

@@ -7,7 +7,8 @@ use crate::files::FrameFiles;
 use crate::overrides::RoleOverrides;
 use crate::resolve::{Resolution, resolve};
 use rayon::prelude::*;
-use sspc_image::{Buffer, Frame, HalfBuffer, Image, Role, RoleSource};
+use sspc_image::{Buffer, Frame, FrameRows, HalfBuffer, Image, Role, RoleSource};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -106,4 +107,20 @@ fn take_half(images: &mut BTreeMap<(Role, Buffer), Image>, buffer: Buffer) -> Op
         normal: images.remove(&(Role::Normal, buffer)),
         visibility: images.remove(&(Role::Visibility, buffer)),
     })
+}
+
+impl FrameRows for OpenFrame {
+    type Error = Error;
+
+    fn height(&self) -> usize {
+        OpenFrame::height(self)
+    }
+
+    fn width(&self) -> usize {
+        OpenFrame::width(self)
+    }
+
+    fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Error> {
+        OpenFrame::rows(self, rows).map(Cow::Owned)
+    }
 }

@@ -167,16 +167,28 @@ impl Image {
         Image { channels: self.channels, height, width, data }
     }
 
+    /// Puts an image of the same channels in the place of the pixels from (`top`, `left`) on.
+    ///
+    /// # Panics
+    /// When it does not fit.
+    pub fn put(&mut self, top: usize, left: usize, part: &Image) {
+        assert_eq!(part.channels, self.channels, "channels of the part");
+        assert!(top + part.height <= self.height && left + part.width <= self.width, "the part leaves the image");
+        for c in 0..self.channels {
+            for y in 0..part.height {
+                let to = (c * self.height + top + y) * self.width + left;
+                self.data[to..to + part.width].copy_from_slice(part.row(c, y));
+            }
+        }
+    }
+
     /// Puts the rows of an image of the same channels and width in the place of those from `top` on.
     ///
     /// # Panics
     /// When they do not fit.
     pub fn put_rows(&mut self, top: usize, rows: &Image) {
-        assert_eq!((rows.channels, rows.width), (self.channels, self.width), "channels and width of the rows");
-        let from = top * self.width;
-        for c in 0..self.channels {
-            self.plane_mut(c)[from..from + rows.pixels()].copy_from_slice(rows.plane(c));
-        }
+        assert_eq!(rows.width, self.width, "width of the rows");
+        self.put(top, 0, rows);
     }
 
     /// The mean of two images of one shape; of finite values it is finite.

@@ -5,10 +5,12 @@ mod display;
 mod frame;
 mod image;
 mod role;
+mod rows;
 mod shown;
 
 pub use display::display;
 pub use frame::{Frame, HalfBuffer, Reference, RoleSource};
 pub use image::Image;
 pub use role::{Buffer, Role};
+pub use rows::FrameRows;
 pub use shown::shown;

@@ -1,19 +1,11 @@
 //! The command line: what can be asked, and who answers.
 
 use crate::evaluate::{self, EvaluateArguments};
-use crate::failure::Failure;
 use crate::info::{self, InfoArguments};
 use crate::run::{self, arguments::RunArguments};
 use clap::{Parser, Subcommand};
-
-/// Exit codes, printed by `--help`.
-const EXIT_CODES: &str = "\
-Exit codes:
-  0    done
-  2    the arguments make no sense
-  3    an input is missing, damaged or not what it should be
-  4    the run failed: an output could not be written, memory ran out, ...
-  130  interrupted";
+use sspc_cli::Failure;
+use sspc_cli::failure::EXIT_CODES;
 
 /// Corrects Monte Carlo renders with a fitted model, and measures pictures against references.
 #[derive(Debug, Parser)]

@@ -1,9 +1,10 @@
 //! `evaluate`: a picture, and the denoiser's beside it, measured against a reference.
 
-use crate::failure::{Code, Failure};
-use crate::interrupt;
 use clap::Args;
 use serde::Serialize;
+use sspc_cli::interrupt;
+use sspc_cli::output::print_result;
+use sspc_cli::{Code, Failure};
 use sspc_frames::atomic::check_output;
 use sspc_frames::preview::{self, auto_exposure};
 use sspc_frames::read::Like;
@@ -11,7 +12,6 @@ use sspc_frames::{read_picture, read_reference};
 use sspc_image::{Image, Reference};
 use sspc_metrics::relative::rel_l2_map;
 use sspc_metrics::{Figures, Measured, figures, rel_l2_gain};
-use std::io::Write;
 use std::path::PathBuf;
 
 /// What `evaluate` is told.
@@ -96,8 +96,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         preview::write_png(path, &inputs, &preview::error_map(&rel_l2_map(&picture, &reference.mean)))?;
     }
     let text = if arguments.json { json(&evaluation)? } else { table(&evaluation) };
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| Failure::from_stdout(&error))
+    print_result(&text)
 }
 
 fn inputs(arguments: &EvaluateArguments) -> Vec<PathBuf> {

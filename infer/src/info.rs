@@ -1,15 +1,15 @@
 //! `info`: what a model file says of itself, in words.
 
-use crate::failure::{Code, Failure};
 use clap::Args;
-use sspc_core::finish::Composition;
-use sspc_core::prepare::Exposure;
+use sspc_cli::output::print_result;
+use sspc_cli::{Code, Failure};
+use sspc_core::compose::Composition;
+use sspc_core::frame_stats::Exposure;
 use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_kernels::parameters::Form;
 use sspc_onnx::{
     ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind, parameter_names,
 };
-use std::io::Write;
 use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
@@ -28,8 +28,7 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
         Failure::new(Code::Input, error.to_string(), "give a model.onnx that sspc-train fit or export wrote")
     })?;
     let text = describe(&model, kind);
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| Failure::from_stdout(&error))
+    print_result(&text)
 }
 
 fn describe(model: &Model, kind: GraphKind) -> String {

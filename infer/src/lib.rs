@@ -6,7 +6,5 @@ pub mod cli;
 pub mod clock;
 pub mod engine;
 pub mod evaluate;
-pub mod failure;
 pub mod info;
-pub mod interrupt;
 pub mod run;

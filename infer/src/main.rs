@@ -2,7 +2,8 @@
 #![forbid(unsafe_code)]
 
 use clap::Parser;
-use sspc_infer::{cli, clock, failure, interrupt};
+use sspc_cli::{failure, interrupt};
+use sspc_infer::{cli, clock};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

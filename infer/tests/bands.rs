@@ -6,7 +6,7 @@ mod common;
 use common::assert_close;
 use sspc_core::corrector::parameters;
 use sspc_core::finish::{Composition, finish, picture};
-use sspc_core::prepare::{Prepared, Survey};
+use sspc_core::prepare::{FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
@@ -75,12 +75,12 @@ fn an_unjudged_picture_is_computed_everywhere() {
     let engine = Engine::new(model, Kernels::Fused(isa), 50);
     let found = correct(&engine, isa, &frame, bands(48), &mut Seconds::default(), &|| false).unwrap();
     assert_eq!(found.active_share, 1.0);
-    let survey = Survey::of(&frame, exposure).with_features_of(contract.features);
-    let prepared = Prepared::by_survey(&frame, survey).without_skips(survey);
+    let survey = FrameStats::of(&frame, exposure).with_features_of(contract.features);
+    let prepared = Prepared::by_stats(&frame, survey).without_skips(survey);
     let planes = [0, 1].map(|h| parameters(isa, form, &network, &prepared.halves[h], &prepared.plan));
     let whole = finish(isa, form, &taps, contract.composition, &prepared, [&planes[0], &planes[1]]);
     assert_close(&found.picture, &picture(&frame, &prepared, &whole), TOLERANCE, "the paper's picture");
-    let skipped = Prepared::by_survey(&frame, survey);
+    let skipped = Prepared::by_stats(&frame, survey);
     assert!(skipped.plan.active_share < 0.6, "a frame of which half is still");
 
     // Nothing at all to correct.

@@ -5,9 +5,9 @@
 mod peak;
 
 use peak::peak_of;
+use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_core::start;
-use sspc_core::survey::{Exposure, Survey};
 use sspc_frames::write::write_picture;
 use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_frame};
 use sspc_image::{Buffer, Image, Role};
@@ -80,7 +80,7 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
 
     // The same picture as that of the frame in memory.
     let held = read_frame(&files[0], &RoleOverrides::none()).expect("frame");
-    let survey = Survey::of(&held, Exposure::Normalised);
+    let survey = FrameStats::of(&held, Exposure::Normalised);
     assert_eq!(small.survey, survey);
     let whole = correct_rows(&engine, Isa::best(), &held, survey, OPTIONS, &mut Seconds::default(), &|| false);
     assert!(whole.expect("corrected").picture == small.picture, "another picture");

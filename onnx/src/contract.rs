@@ -1,6 +1,6 @@
 //! What every model file promises, and what it says of its origin.
 
-use sspc_core::finish::Composition;
+use sspc_core::compose::Composition;
 use sspc_core::prepare::Exposure;
 use sspc_kernels::features::{FeatureSet, MAX_RADIUS};
 use sspc_kernels::gc::PAPER_RADIUS;

@@ -1,9 +1,9 @@
 //! The fit loop: tiles, loss, backward, Adam.
 
 use crate::backend::Backend;
-use crate::guard::Guard;
+use crate::divergence_guard::Guard;
 use crate::model::{Corrector, TileBatch, to_vec};
-use crate::preset::{Denominator, Rate, Settings, Start};
+use crate::preset::{Denominator, LARGEST_RATE, Rate, Settings, Start};
 use crate::tiles::Schedule;
 use burn::optim::{AdamConfig, GradientsParams};
 use sspc_core::objective::{Objective, Workspaces};
@@ -67,6 +67,8 @@ pub enum End {
 pub struct Fitted {
     pub network: Network,
     pub history: Vec<Step>,
+    /// Steps that were planned.
+    pub planned: usize,
     /// Steps whose loss, gradient or weights were not finite: their update was left out.
     pub dropped: usize,
     pub end: End,
@@ -92,9 +94,6 @@ pub fn objective(prepared: &Prepared, settings: &Settings) -> Arc<Objective> {
         Denominator::OwnHalf => paper.with_own_weight(prepared),
     })
 }
-
-/// Adam moves every weight by about the rate: above this a network of weights near 0.1 is lost.
-pub const LARGEST_RATE: f64 = 0.1;
 
 /// `factor` · √mean((y^a - y^b)² / 4), the paper's learning rate from the frame's noise, at most 0.1.
 pub fn noise_scaled_rate(factor: f64, prepared: &[&Prepared]) -> f64 {
@@ -199,5 +198,5 @@ pub fn fit(
     let dropped = guard.dropped();
     let weights = guard.finish(model).to_vec();
     let network = Network { shape, weights };
-    Fitted { network, history, dropped, end, seconds: start.elapsed().as_secs_f64() }
+    Fitted { network, history, planned: steps, dropped, end, seconds: start.elapsed().as_secs_f64() }
 }

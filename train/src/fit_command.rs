@@ -1,73 +1,65 @@
 //! `sspc-train fit`: read, prepare, train, correct, write.
 
 use crate::cli::FitArgs;
-use crate::error::Error;
-use crate::experiment;
 use crate::fit::{Control, Fitted, Limits, fit, starting_network};
-use crate::inputs::{Input, frame_files, read, read_shot};
-use crate::interrupt::interrupted;
-use crate::output::OutputFolder;
+use crate::inputs::{Input, read};
+use crate::outcome::{Outcome, correct_frame};
+use crate::output_folder::OutputFolder;
 use crate::preset::Settings;
-use crate::progress::Progress;
-use crate::report::{RelL2, Report, Seconds, peak_rss_bytes, settings_json};
-use crate::write::{check_outputs, write_outputs};
-use sspc_core::estimate::{Estimate, Losses};
-use sspc_core::fill;
-use sspc_core::finish::{Finish, Finished, unfilled_picture};
-use sspc_core::native::run_rows;
+use crate::progress::{BAR, Progress};
+use crate::report::{RelL2, Report, Seconds};
+use crate::write::{Written, check_outputs, write_outputs};
+use crate::{setting_overrides, warm_start};
+use sspc_cli::output::{Output, role_line};
+use sspc_cli::record::peak_rss_bytes;
+use sspc_cli::{Failure, interrupt};
 use sspc_core::prepare::Prepared;
-use sspc_frames::RoleOverrides;
-use sspc_image::Image;
-use sspc_kernels::gc::Taps;
-use sspc_kernels::network::{Network, WindowNetwork};
 use sspc_kernels::simd::Isa;
 use std::time::{Duration, Instant};
 
 /// Runs the command.
 ///
 /// # Errors
-/// Every [`Error`]; nothing is left behind then.
-pub fn run(args: &FitArgs) -> Result<(), Error> {
+/// A [`Failure`] with its exit code; nothing is left behind then.
+pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let start = Instant::now();
-    let mut progress = Progress::new(args.quiet);
+    args.run.start_threads()?;
+    let output = Output::new(args.run.verbosity(), Some(BAR));
     let mut settings = Settings::of(args.preset, args.seed);
-    experiment::apply(&args.changes, &mut settings, args.init.is_some())?;
+    setting_overrides::apply(&args.changes, &mut settings, args.init.is_some())?;
     let initial = match &args.init {
-        Some(path) => crate::init::load(path, &mut settings)?,
+        Some(path) => warm_start::load(path, &mut settings)?,
         None => starting_network(&settings),
     };
-    let overrides = RoleOverrides::parse(&args.roles)?;
-    let frames = match args.a {
-        Some(_) => read_shot(args, &overrides, &settings)?,
-        None => vec![read(frame_files(args)?, &overrides, &settings)?],
-    };
+    let overrides = args.frame.overrides()?;
+    let jobs = args.frame.jobs(args.reference.as_deref())?;
+    let frames = jobs.into_iter().map(|job| read(job, &overrides, &settings)).collect::<Result<Vec<_>, _>>()?;
     let (inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
-    inputs.iter().for_each(|input| say_what_was_read(&progress, input));
+    inputs.iter().for_each(|input| say_what_was_read(&output, input));
     let read_seconds = start.elapsed().as_secs_f64();
-    if args.dry_run {
+    if args.run.dry_run {
         return Ok(());
     }
     let folder = OutputFolder::open(&args.output)?;
-    check_outputs(&folder, args, &inputs)?;
+    check_outputs(&folder, args, &overrides, &inputs)?;
 
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let isa = Isa::best();
     let frames: Vec<&Prepared> = prepared.iter().collect();
+    let mut progress = Progress::new(&output);
     let fitted = fit(&frames, &settings, initial, &limits, args.backend, isa, |step| {
         progress.step(step);
-        if interrupted() { Control::Stop } else { Control::Continue }
+        if interrupt::asked() { Control::Stop } else { Control::Continue }
     });
     progress.done();
-    if interrupted() {
-        return Err(Error::Interrupted);
-    }
+    interrupt::check()?;
 
     let begin = Instant::now();
-    let results: Vec<Outcome> = inputs
+    let outcomes = inputs
         .iter()
         .zip(prepared)
-        .map(|(input, prepared)| correct_frame(isa, args.strength, &settings, &fitted.network, input, prepared))
-        .collect();
+        .map(|(input, prepared)| correct_frame(isa, args.run.strength, &settings, &fitted.network, input, prepared))
+        .collect::<Result<Vec<Outcome>, _>>()?;
     let seconds = Seconds {
         read: read_seconds,
         train: fitted.seconds,
@@ -76,60 +68,14 @@ pub fn run(args: &FitArgs) -> Result<(), Error> {
     };
     let reports = inputs
         .iter()
-        .zip(&results)
-        .map(|(input, result)| report(args, &settings, input, &fitted, result, seconds))
+        .zip(&outcomes)
+        .map(|(input, outcome)| report(args, &settings, input, &fitted, outcome, seconds))
         .collect();
-    if interrupted() {
-        return Err(Error::Interrupted);
-    }
-    write_outputs(args, &settings, &inputs, &fitted, &results, reports, folder, start)?;
-    results.iter().zip(&inputs).for_each(|(result, input)| say_result(&progress, input, result));
+    interrupt::check()?;
+    let written = Written { args, settings: &settings, inputs: &inputs, fitted: &fitted, outcomes: &outcomes };
+    write_outputs(&written, &overrides, reports, folder, start)?;
+    outcomes.iter().zip(&inputs).for_each(|(outcome, input)| say_result(&output, input, outcome));
     Ok(())
-}
-
-/// A corrected frame and what it says of itself.
-pub struct Outcome {
-    /// In the frame's units, `[3, H, W]`.
-    pub corrected: Image,
-    pub loss: Losses,
-    pub estimate: Estimate,
-    /// Why the output is the denoiser's everywhere, if it is.
-    pub fallback: Option<String>,
-    /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.
-    pub mean_share: f64,
-    pub rel_l2: Option<RelL2>,
-}
-
-/// Corrects a frame, whose features are gone before the picture is made.
-fn correct_frame(
-    isa: Isa,
-    strength: f32,
-    settings: &Settings,
-    network: &Network,
-    input: &Input,
-    prepared: Prepared,
-) -> Outcome {
-    let (taps, network) = (Taps::square(settings.radius), WindowNetwork::new(isa, settings.form, network));
-    let parameters = |h: usize, rows| run_rows(&network, &prepared.halves[h], &prepared.plan, rows);
-    let (form, composition) = (settings.form, settings.composition);
-    let finished = Finish { isa, form, taps: &taps, composition, strength }.picture(&prepared, parameters);
-    let (exposure, missing) = (prepared.exposure, prepared.valid.is_some());
-    drop(prepared);
-    let Finished { correction, share, mut halves, loss, estimate, fallback } = finished;
-    let share = share.into_data();
-    let mean_share = share.iter().map(|&v| f64::from(v)).sum::<f64>() / share.len().max(1) as f64;
-    drop(share);
-    let mut corrected = unfilled_picture(&input.denoised, exposure, &correction);
-    drop(correction);
-    if missing {
-        fill::put(&mut corrected, &input.fill);
-        fill::grow_shut(&mut corrected);
-    }
-    let rel_l2 = input.reference.as_ref().zip(input.rivals.as_ref()).map(|(reference, rivals)| {
-        halves.data_mut().iter_mut().for_each(|v| *v /= exposure);
-        RelL2::measure(&corrected, &halves, rivals, reference)
-    });
-    Outcome { corrected, loss, estimate, fallback, mean_share, rel_l2 }
 }
 
 fn report(
@@ -137,7 +83,7 @@ fn report(
     settings: &Settings,
     input: &Input,
     fitted: &Fitted,
-    result: &Outcome,
+    outcome: &Outcome,
     seconds: Seconds,
 ) -> Report {
     Report {
@@ -149,51 +95,49 @@ fn report(
         threads: rayon::current_num_threads(),
         width: input.denoised.width(),
         height: input.denoised.height(),
-        exposure: input.survey.exposure,
+        exposure: input.stats.exposure,
         composition: settings.composition,
-        strength: args.strength,
+        strength: args.run.strength,
         steps: fitted.history.len(),
         steps_dropped: fitted.dropped,
         end: fitted.end,
-        rel_l2: result.rel_l2.clone(),
-        loss: result.loss,
-        estimate: result.estimate,
-        fallback: result.fallback.clone(),
-        mean_share: result.mean_share,
+        rel_l2: outcome.rel_l2.clone(),
+        loss: outcome.verdict.loss,
+        estimate: outcome.verdict.estimate,
+        fallback: outcome.verdict.fallback.clone(),
+        mean_share: outcome.mean_share,
         seconds,
         milliseconds_per_step: 1e3 * fitted.seconds / fitted.history.len().max(1) as f64,
         peak_rss_bytes: peak_rss_bytes(),
-        found: input.survey.found,
-        roles: input.sources.iter().map(Into::into).collect(),
+        found: input.stats.found,
+        roles: input.roles.iter().map(Into::into).collect(),
         skipped: input.skipped.clone(),
         warnings: input.warnings.clone(),
-        settings: settings_json(settings),
+        settings: settings.clone(),
+        planned_steps: fitted.planned,
         history: fitted.history.clone(),
     }
 }
 
-fn say_what_was_read(progress: &Progress, input: &Input) {
-    progress.say(&format!("{}: {} x {} pixels", input.name, input.denoised.width(), input.denoised.height()));
-    for s in &input.sources {
-        let channels = s.channels.join(",");
-        progress.say(&format!("  {} of {} from {} [{channels}]", s.role, s.buffer, s.path.display()));
-    }
-    input.warnings.iter().for_each(|warning| progress.say(&format!("  note: {warning}")));
-    input.skipped.iter().for_each(|s| progress.say(&format!("  skipped: {} ({})", s.what, s.why)));
+fn say_what_was_read(output: &Output, input: &Input) {
+    output.say(&format!("{}: {} x {} pixels", input.name, input.denoised.width(), input.denoised.height()));
+    input.roles.iter().for_each(|source| output.say(&role_line(source)));
+    input.warnings.iter().for_each(|warning| output.say(&format!("  note: {warning}")));
+    input.skipped.iter().for_each(|s| output.say(&format!("  skipped: {} ({})", s.what, s.why)));
 }
 
-fn say_result(progress: &Progress, input: &Input, result: &Outcome) {
-    if let Some(reason) = &result.fallback {
-        progress.say(&format!("{}: the output is the denoiser's, {reason}", input.name));
+fn say_result(output: &Output, input: &Input, outcome: &Outcome) {
+    if let Some(reason) = &outcome.verdict.fallback {
+        output.say(&format!("{}: the output is the denoiser's, {reason}", input.name));
     }
-    let estimate = &result.estimate;
+    let estimate = &outcome.verdict.estimate;
     let error = estimate.corrected.standard_error.map_or("uncertainty unknown".into(), |e| format!("± {e:.5}"));
-    progress.say(&format!(
+    output.say(&format!(
         "estimated relL2 of the halves' mean: denoised {:.5}, corrected {:.5} {error}",
         estimate.denoised.value, estimate.corrected.value
     ));
-    if let Some(RelL2 { noisy, denoised, corrected, .. }) = result.rel_l2 {
-        progress.say(&format!(
+    if let Some(RelL2 { noisy, denoised, corrected, .. }) = outcome.rel_l2 {
+        output.say(&format!(
             "relL2: noisy {noisy:.5}, denoised {denoised:.5}, corrected {corrected:.5} ({:.2} of the denoiser's)",
             corrected / denoised
         ));

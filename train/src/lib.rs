@@ -1,26 +1,38 @@
 //! Fits the corrector to a frame or a shot with Burn.
 //!
-//! [`inputs`] reads, [`preset`] says how ([`experiment`] changes it) and [`tiles`] on what to train,
-//! [`fit`] trains, [`guard`] keeps its weights finite, [`write`] leaves picture, model, report and
-//! previews; [`model`] and [`operation`] are the Burn side of core's kernels.
+//! | module | step |
+//! |---|---|
+//! | [`cli`] | what can be asked |
+//! | [`inputs`] | files to frames in the method's units |
+//! | [`preset`], [`setting_overrides`] | how to train |
+//! | [`tiles`], `importance` | on what to train |
+//! | [`warm_start`] | where to start, when from a model |
+//! | [`fit`] | the loop: tiles, loss, gradient, Adam |
+//! | [`model`], [`operation`], [`backend`] | the Burn side of it |
+//! | [`combination`] | g_c, or f_c as its special case |
+//! | [`divergence_guard`] | keeps the weights finite |
+//! | [`outcome`] | the corrected frame |
+//! | [`report`] | what is told of it |
+//! | [`write`](mod@write), [`output_folder`] | what a fit leaves behind |
+//! | [`fit_command`], [`export`], [`progress`] | the commands |
 
 pub mod backend;
 pub mod cli;
 pub mod combination;
-pub mod error;
-pub mod experiment;
+pub mod divergence_guard;
+pub mod export;
 pub mod fit;
 pub mod fit_command;
-pub mod guard;
 mod importance;
-pub mod init;
 pub mod inputs;
-pub mod interrupt;
 pub mod model;
 pub mod operation;
-pub mod output;
+pub mod outcome;
+pub mod output_folder;
 pub mod preset;
 pub mod progress;
 pub mod report;
+pub mod setting_overrides;
 pub mod tiles;
+pub mod warm_start;
 pub mod write;

@@ -1,26 +1,16 @@
-//! sspc-train: fits the corrector to a frame and exports it.
+//! `sspc-train`: fits the corrector to a frame and exports it; see `sspc-train --help`.
 
 use clap::Parser;
+use sspc_cli::{failure, interrupt};
 use sspc_train::cli::{Cli, Command};
-use sspc_train::progress::print_line;
-use sspc_train::{fit_command, init, interrupt};
+use sspc_train::{export, fit_command};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    interrupt::install();
-    let outcome = match &cli.command {
+    interrupt::listen();
+    failure::exit_code(match &cli.command {
         Command::Fit(args) => fit_command::run(args),
-        Command::Export(args) => init::export(args),
-    };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            print_line(&format!("sspc-train: error: {error}"));
-            if let Some(advice) = error.advice() {
-                print_line(&format!("  {advice}"));
-            }
-            ExitCode::from(error.exit_code())
-        }
-    }
+        Command::Export(args) => export::run(args),
+    })
 }

@@ -1,9 +1,8 @@
 //! Presets: how a corrector is started and trained.
 
 use crate::combination::Combination;
-use crate::experiment::Skip;
-use sspc_core::finish::Composition;
-use sspc_core::prepare::Exposure;
+use sspc_core::compose::Composition;
+use sspc_core::frame_stats::Exposure;
 use sspc_kernels::features::FeatureSet;
 use sspc_kernels::gc::PAPER_RADIUS;
 use sspc_kernels::network::Shape;
@@ -36,7 +35,8 @@ impl fmt::Display for Preset {
 }
 
 /// Where training starts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Start {
     /// Random weights, as in the paper.
     Random,
@@ -45,7 +45,8 @@ pub enum Start {
 }
 
 /// Which tiles a step sees.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Sampling {
     /// Every patch of a grid of this stride once an epoch, in random order, both halves of each.
     Grid { stride: usize },
@@ -56,7 +57,8 @@ pub enum Sampling {
 }
 
 /// The learning rate over the steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Rate {
     /// `factor` · √mean((y^a - y^b)² / 4), constant (the paper's rule).
     NoiseScaled { factor: f64 },
@@ -98,15 +100,38 @@ impl Influence {
     }
 }
 
+fn limit_or_null<S: serde::Serializer>(influence: &Influence, serializer: S) -> Result<S::Ok, S::Error> {
+    let limited = (*influence != Influence::UNLIMITED).then_some(influence);
+    serde::Serialize::serialize(&limited, serializer)
+}
+
 /// `quality`'s steps are for this many pixels at least.
 const QUALITY_STEPS_GROW_FROM: usize = 640 * 360;
 
-/// Everything that decides how a fit runs.
-#[derive(Clone, Debug, PartialEq)]
+/// What of a frame that needs no work is left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Skip {
+    /// Blocks of pixels without noise.
+    pub blocks: bool,
+    /// Features that are constant or absent.
+    pub features: bool,
+}
+
+impl Skip {
+    pub const ALL: Skip = Skip { blocks: true, features: true };
+}
+
+/// Adam moves every weight by about the rate: above this a network of weights near 0.1 is lost.
+pub const LARGEST_RATE: f64 = 0.1;
+
+/// Everything that decides how a fit runs; in reports as it stands.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Settings {
     pub preset: Preset,
     pub form: Form,
+    #[serde(rename = "network")]
     pub shape: Shape,
+    #[serde(rename = "window_radius")]
     pub radius: usize,
     pub exposure: Exposure,
     pub start: Start,
@@ -127,7 +152,8 @@ pub struct Settings {
     pub epochs: usize,
     /// Whose z is in the loss's denominator.
     pub denominator: Denominator,
-    /// From which error on a pixel's gradient is limited.
+    /// From which error on a pixel's gradient is limited; null in reports where it is not.
+    #[serde(serialize_with = "limit_or_null")]
     pub influence: Influence,
     /// What the picture is made of.
     pub composition: Composition,
@@ -136,6 +162,7 @@ pub struct Settings {
     /// What of a frame is left out where it needs no work.
     pub skip: Skip,
     /// Settings that are not the preset's own, KEY=VALUE.
+    #[serde(rename = "changed")]
     pub changes: Vec<String>,
     pub seed: u64,
 }

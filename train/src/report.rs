@@ -1,12 +1,14 @@
 //! report.json: every figure and setting of a fit.
 
 use crate::fit::{End, Step};
-use crate::preset::{Influence, Preset, Settings};
+use crate::preset::{Preset, Settings};
 use serde::Serialize;
+use sspc_cli::record::FilledRole;
+use sspc_core::compose::Composition;
 use sspc_core::estimate::{Estimate, Losses};
-use sspc_core::finish::Composition;
-use sspc_core::prepare::{Findings, Prepared};
-use sspc_image::{Image, Reference, RoleSource};
+use sspc_core::frame_stats::Findings;
+use sspc_core::prepare::Prepared;
+use sspc_image::{Image, Reference};
 use sspc_kernels::features::FeatureSet;
 use sspc_metrics::rel_l2;
 
@@ -68,9 +70,9 @@ impl Rivals {
 }
 
 impl RelL2 {
-    /// Measures the corrected picture `[3, H, W]`, and the mean of both halves in the frame's units
-    /// that the estimate is of.
-    pub fn measure(corrected: &Image, halves: &Image, rivals: &Rivals, reference: &Reference) -> Self {
+    /// Measures the corrected picture `[3, H, W]`, and the mean of both halves in the frame's units that the estimate is
+    /// of; the denoiser's without it.
+    pub fn measure(corrected: &Image, halves: Option<&Image>, rivals: &Rivals, reference: &Reference) -> Self {
         let Rivals { noisy, denoised, best_mix, denoised_halves } = *rivals;
         let of = |picture: &Image| rel_l2(picture, reference).value;
         RelL2 {
@@ -78,7 +80,7 @@ impl RelL2 {
             denoised,
             corrected: of(corrected),
             best_mix,
-            halves: denoised_halves.map(|denoised| HalvesRelL2 { denoised, corrected: of(halves) }),
+            halves: denoised_halves.map(|denoised| HalvesRelL2 { denoised, corrected: halves.map_or(denoised, of) }),
             reference_noise_removed: reference.halves.is_some(),
         }
     }
@@ -92,26 +94,6 @@ pub struct Seconds {
     pub correct: f64,
     pub write: f64,
     pub total: f64,
-}
-
-/// Which channel filled which role.
-#[derive(Clone, Debug, Serialize)]
-pub struct Role {
-    pub role: String,
-    pub buffer: String,
-    pub file: String,
-    pub channels: Vec<String>,
-}
-
-impl From<&RoleSource> for Role {
-    fn from(source: &RoleSource) -> Self {
-        Role {
-            role: source.role.to_string(),
-            buffer: source.buffer.to_string(),
-            file: source.path.display().to_string(),
-            channels: source.channels.clone(),
-        }
-    }
 }
 
 /// Something that was left out, and the measurement that justified it.
@@ -175,36 +157,12 @@ pub struct Report {
     pub milliseconds_per_step: f64,
     pub peak_rss_bytes: Option<u64>,
     pub found: Findings,
-    pub roles: Vec<Role>,
+    pub roles: Vec<FilledRole>,
     pub skipped: Vec<Skipped>,
     pub warnings: Vec<String>,
-    pub settings: serde_json::Value,
+    /// Every setting, as training obeyed it.
+    pub settings: Settings,
+    /// Steps that were planned for this frame size, skips and visits considered.
+    pub planned_steps: usize,
     pub history: Vec<Step>,
-}
-
-/// The settings in words and numbers.
-pub fn settings_json(settings: &Settings) -> serde_json::Value {
-    serde_json::json!({
-        "form": settings.form,
-        "network": settings.shape,
-        "window_radius": settings.radius,
-        "combination": settings.combination,
-        "start": format!("{:?}", settings.start),
-        "sampling": format!("{:?}", settings.sampling),
-        "tile": settings.tile,
-        "batch": settings.batch,
-        "rate": format!("{:?}", settings.rate),
-        "denominator": settings.denominator,
-        "influence": (settings.influence != Influence::UNLIMITED).then_some(settings.influence),
-        "skip": settings.skip,
-        "changed": settings.changes,
-    })
-}
-
-/// Most memory this process has held, where the system tells (Linux).
-pub fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib * 1024)
 }

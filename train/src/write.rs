@@ -1,14 +1,15 @@
 //! What a fit leaves behind: corrected.exr, model.onnx, report.json and previews.
 
 use crate::cli::FitArgs;
-use crate::error::Error;
 use crate::fit::Fitted;
-use crate::fit_command::Outcome;
 use crate::inputs::Input;
-use crate::output::OutputFolder;
+use crate::outcome::Outcome;
+use crate::output_folder::OutputFolder;
 use crate::preset::Settings;
-use crate::report::{Report, peak_rss_bytes};
+use crate::report::Report;
 use rayon::prelude::*;
+use sspc_cli::record::{self, peak_rss_bytes};
+use sspc_cli::{Code, Failure};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::preview::{Rgb8, error_map, strip, tone_map, write_png};
 use sspc_frames::{RoleOverrides, write_corrected};
@@ -22,10 +23,32 @@ use std::time::Instant;
 /// Name of the fitted network's file.
 const MODEL: &str = "model.onnx";
 
+/// What a fit writes down.
+pub struct Written<'a> {
+    /// As given.
+    pub args: &'a FitArgs,
+    /// As training obeyed them.
+    pub settings: &'a Settings,
+    /// The frames.
+    pub inputs: &'a [Input],
+    /// The model.
+    pub fitted: &'a Fitted,
+    /// The pictures, one for each frame.
+    pub outcomes: &'a [Outcome],
+}
+
 /// Whether every file may be written: worth asking before training.
-pub fn check_outputs(folder: &OutputFolder, args: &FitArgs, inputs: &[Input]) -> Result<(), Error> {
-    check_output(&folder.file(MODEL), &images(args, inputs)?)?;
-    let protected = protected(args, inputs)?;
+///
+/// # Errors
+/// What stands in the way.
+pub fn check_outputs(
+    folder: &OutputFolder,
+    args: &FitArgs,
+    overrides: &RoleOverrides,
+    inputs: &[Input],
+) -> Result<(), Failure> {
+    check_output(&folder.file(MODEL), &pictures_read(overrides, inputs))?;
+    let protected = protected(args, overrides, inputs);
     for input in inputs {
         let previews = preview_names(input).into_iter().map(|stem| (stem, "png"));
         for (stem, extension) in [("corrected", "exr"), ("report", "json")].into_iter().chain(previews) {
@@ -36,43 +59,42 @@ pub fn check_outputs(folder: &OutputFolder, args: &FitArgs, inputs: &[Input]) ->
 }
 
 /// Every picture that was read: frames and files named by roles.
-fn images(args: &FitArgs, inputs: &[Input]) -> Result<Vec<PathBuf>, Error> {
-    let frames = inputs.iter().flat_map(|input| input.files.all());
-    Ok(frames.chain(RoleOverrides::parse(&args.roles)?.files()).collect())
+fn pictures_read(overrides: &RoleOverrides, inputs: &[Input]) -> Vec<PathBuf> {
+    inputs.iter().flat_map(|input| input.files.all()).chain(overrides.files()).collect()
 }
 
 /// What no output but the model may replace: the pictures and the model to start from. That one is read whole before
 /// training and replaced by a rename, so it may be refined in place.
-fn protected(args: &FitArgs, inputs: &[Input]) -> Result<Vec<PathBuf>, Error> {
-    Ok(images(args, inputs)?.into_iter().chain(args.init.clone()).collect())
+fn protected(args: &FitArgs, overrides: &RoleOverrides, inputs: &[Input]) -> Vec<PathBuf> {
+    pictures_read(overrides, inputs).into_iter().chain(args.init.clone()).collect()
 }
 
 /// Writes everything; of a shot, names carry the frame's number.
-#[allow(clippy::too_many_arguments)] // the whole of a run ends here
+///
+/// # Errors
+/// When a file cannot be written; none of them stays then.
 pub fn write_outputs(
-    args: &FitArgs,
-    settings: &Settings,
-    inputs: &[Input],
-    fitted: &Fitted,
-    results: &[Outcome],
+    what: &Written,
+    overrides: &RoleOverrides,
     mut reports: Vec<Report>,
     mut folder: OutputFolder,
     start: Instant,
-) -> Result<(), Error> {
+) -> Result<(), Failure> {
+    let Written { args, inputs, outcomes, .. } = *what;
     let begin = Instant::now();
-    let protected = protected(args, inputs)?;
-    let model = write_network(&model(args, settings, inputs, fitted)?);
-    atomic_write_bytes(&folder.add(MODEL), &images(args, inputs)?, &model)?;
+    let protected = protected(args, overrides, inputs);
+    let model = write_network(&model(what)?);
+    atomic_write_bytes(&folder.add(MODEL), &pictures_read(overrides, inputs), &model)?;
     // Compression takes longer than everything else here: all files of a frame at once.
-    for (input, result) in inputs.iter().zip(results) {
+    for (input, outcome) in inputs.iter().zip(outcomes) {
         let picture = folder.add(&input.file_name("corrected", "exr"));
-        let previews: Vec<(PathBuf, Rgb8)> = previews(input, result)
+        let previews: Vec<(PathBuf, Rgb8)> = previews(input, outcome)
             .into_iter()
             .map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p))
             .collect();
-        let provenance = provenance(args, fitted, result);
+        let provenance = provenance(what, outcome);
         let (written, shown) = rayon::join(
-            || write_corrected(&picture, &input.files.a, &protected, &result.corrected, &provenance),
+            || write_corrected(&picture, &input.files.a, &protected, &outcome.corrected, &provenance),
             || previews.par_iter().try_for_each(|(path, preview)| write_png(path, &protected, preview)),
         );
         written?;
@@ -82,7 +104,8 @@ pub fn write_outputs(
         report.seconds.write = begin.elapsed().as_secs_f64();
         report.seconds.total = start.elapsed().as_secs_f64();
         report.peak_rss_bytes = peak_rss_bytes();
-        let json = serde_json::to_vec_pretty(report).map_err(Error::Report)?;
+        let json = serde_json::to_vec_pretty(report)
+            .map_err(|error| Failure::new(Code::Run, format!("cannot write the report: {error}"), ""))?;
         atomic_write_bytes(&folder.add(&input.file_name("report", "json")), &protected, &json)?;
     }
     folder.keep();
@@ -90,7 +113,7 @@ pub fn write_outputs(
 }
 
 /// The fitted network with its contract.
-fn model(args: &FitArgs, settings: &Settings, inputs: &[Input], fitted: &Fitted) -> Result<Model, Error> {
+fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Model, Failure> {
     let mut contract = Contract::new(settings.form);
     contract.shape = settings.shape;
     contract.window_radius = settings.radius;
@@ -105,22 +128,17 @@ fn model(args: &FitArgs, settings: &Settings, inputs: &[Input], fitted: &Fitted)
     if !settings.changes.is_empty() {
         contract.extra.insert("settings_changed".into(), settings.changes.join(" "));
     }
-    Ok(Model::new(contract, fitted.network.weights.clone())?)
+    Model::new(contract, fitted.network.weights.clone()).map_err(|error| Failure::new(Code::Run, error.to_string(), ""))
 }
 
-/// How the picture was made, for its EXR attributes.
-fn provenance(args: &FitArgs, fitted: &Fitted, result: &Outcome) -> Vec<(String, String)> {
-    let fallback = result.fallback.clone().unwrap_or_else(|| "none".into());
-    [
-        ("sspc.tool", concat!("sspc-train ", env!("CARGO_PKG_VERSION")).to_string()),
+/// How the picture was made, for its attributes.
+fn provenance(&Written { args, fitted, .. }: &Written, outcome: &Outcome) -> Vec<(String, String)> {
+    let own = [
         ("sspc.preset", args.preset.to_string()),
         ("sspc.seed", args.seed.to_string()),
         ("sspc.steps", fitted.history.len().to_string()),
-        ("sspc.strength", args.strength.to_string()),
-        ("sspc.fallback", fallback),
-    ]
-    .map(|(key, value)| (key.to_string(), value))
-    .to_vec()
+    ];
+    record::provenance("sspc-train", &own, args.run.strength, outcome.verdict.fallback.as_deref())
 }
 
 /// Names of the pictures to look at: error maps where there is a reference, and last all of them side by side.
@@ -131,13 +149,13 @@ fn preview_names(input: &Input) -> Vec<&'static str> {
 }
 
 /// The pictures of [`preview_names`].
-fn previews(input: &Input, result: &Outcome) -> Vec<(&'static str, Rgb8)> {
+fn previews(input: &Input, outcome: &Outcome) -> Vec<(&'static str, Rgb8)> {
     let shown = |image: &Image| tone_map(image, input.shown_exposure);
-    let mut pictures = vec![input.shown_noisy.clone(), shown(&input.denoised), shown(&result.corrected)];
+    let mut pictures = vec![input.shown_noisy.clone(), shown(&input.denoised), shown(&outcome.corrected)];
     if let Some(reference) = &input.reference {
         pictures.push(shown(&reference.mean));
         pictures.push(error_map(&rel_l2_map(&input.denoised, &reference.mean)));
-        pictures.push(error_map(&rel_l2_map(&result.corrected, &reference.mean)));
+        pictures.push(error_map(&rel_l2_map(&outcome.corrected, &reference.mean)));
     }
     pictures.push(strip(&pictures));
     preview_names(input).into_iter().zip(pictures).collect()

@@ -55,11 +55,10 @@ impl Plan {
         Ok(Self { plan, kernels })
     }
 
-    /// Hands the activated parameters of one window, plane after plane, to `take`; those outside
-    /// `wanted` are of no use.
-    pub fn run(&self, window: Image, wanted: Region, take: impl FnOnce(&[f32])) -> Result<(), PlanError> {
+    /// Activated parameters `[P, wanted.height, wanted.width]` of the pixels `wanted` of a window.
+    pub fn run(&self, window: Image, wanted: Region) -> Result<Image, PlanError> {
         let (height, width) = (window.height(), window.width());
-        let run = || -> TractResult<()> {
+        let run = || -> TractResult<Image> {
             let shape = (1, FEATURE_CHANNELS, height, width);
             let features = tract_ndarray::Array4::from_shape_vec(shape, window.into_data())?;
             let mut inputs: TVec<TValue> = tvec!(features.into_tensor().into());
@@ -69,8 +68,12 @@ impl Plan {
             }
             let outputs = self.plan.run(inputs)?;
             let parameters = outputs[0].to_plain_array_view::<f32>()?;
-            take(parameters.as_slice().context("parameters are contiguous")?);
-            Ok(())
+            let values = parameters.as_slice().context("parameters are contiguous")?;
+            let planes = values.len() / (height * width).max(1);
+            Ok(Image::from_rows(planes, wanted.height, wanted.width, |c, y, row| {
+                let from = (c * height + wanted.top + y) * width + wanted.left;
+                row.copy_from_slice(&values[from..from + row.len()]);
+            }))
         };
         run().map_err(|e| PlanError::Run { reason: format!("{e:#}") })
     }

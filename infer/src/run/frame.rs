@@ -1,76 +1,91 @@
 //! One frame from file to file.
 
-use super::arguments::RunArguments;
-use super::correct::{CorrectError, Corrected, Options, correct_rows};
-use super::jobs::Job;
-use super::progress::Progress;
-use super::report::{Looks, Report, Seconds};
-use super::source::Surveyed;
+use super::arguments::{Job, RunArguments};
+use super::report::{Report, Seconds};
 use crate::engine::Engine;
-use crate::failure::{Code, Failure};
-use crate::interrupt;
+use sspc_cli::output::{Output, print_result, role_line};
+use sspc_cli::reading::ReadFrame;
+use sspc_cli::{Code, Failure, interrupt, record};
+use sspc_core::bands::FrameBands;
+use sspc_core::correct::{CorrectError, Corrected, Correction, correct};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::resolve::resolve;
 use sspc_frames::{OpenFrame, RoleOverrides, write_corrected};
-use sspc_image::Role;
+use sspc_image::{FrameRows, Role};
 use sspc_kernels::simd::Isa;
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// What all frames of a run share.
-pub struct Setting<'a> {
+pub struct Shared<'a> {
+    /// As given.
     pub arguments: &'a RunArguments,
+    /// Roles that the user named.
     pub overrides: &'a RoleOverrides,
+    /// The model, ready to run.
     pub engine: &'a Engine,
+    /// Instruction set of our kernels.
     pub isa: Isa,
-    pub progress: &'a Progress,
+    /// Where lines go.
+    pub output: &'a Output,
 }
 
-/// Reads, corrects and writes one frame, or leaves it alone when its output is there and
-/// `--skip-existing` was given.
+/// Reads, corrects and writes one frame, or leaves it alone when its output is there and `--skip-existing` was given.
 ///
 /// # Errors
 /// A [`Failure`] with its exit code; nothing of the frame is written then.
-pub fn correct_file(setting: &Setting, job: &Job) -> Result<(), Failure> {
-    let Setting { arguments, overrides, engine, isa, progress } = setting;
+pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
+    let Shared { arguments, overrides, engine, isa, output } = *shared;
     if arguments.skip_existing && job.output.exists() {
-        progress.say(&format!("{}: {} exists, left alone", job.name(), job.output.display()));
+        output.say(&format!("{}: {} exists, left alone", job.frame.name(), job.output.display()));
         return Ok(());
     }
-    let inputs = inputs(setting, job);
-    check_outputs(setting, job, &inputs)?;
+    let inputs = inputs(shared, job);
+    check_outputs(shared, job, &inputs)?;
 
     let start = Instant::now();
-    let mut seconds = Seconds::default();
-    let open = OpenFrame::open(&job.files, overrides)?;
-    let looks = Looks { height: open.height(), width: open.width(), sources: open.sources() };
-    let frame = Surveyed::read(open, engine.model().contract.exposure)?;
-    seconds.read = start.elapsed().as_secs_f64();
-    tell_what_was_read(setting, job, &looks, &frame.warnings);
+    let contract = &engine.model().contract;
+    let frame = ReadFrame::read(OpenFrame::open(&job.frame.files, overrides)?, contract.exposure)?;
+    let read = start.elapsed().as_secs_f64();
+    say_what_was_read(shared, job, &frame);
 
-    let Surveyed { rows, survey, warnings } = frame;
-    let options = Options { strength: arguments.strength, ..Options::default() };
-    let corrected =
-        correct_rows(engine, *isa, &*rows, survey, options, &mut seconds, &interrupt::asked).map_err(|error| {
-            match error {
-                CorrectError::Interrupted => Failure::interrupted(),
-                CorrectError::Plan(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
-                CorrectError::Read(error) => error.into(),
-            }
-        })?;
-    drop(rows);
-    let mut report = Report::new(setting, job, looks, warnings, &corrected);
+    let ReadFrame { source, stats, roles, warnings } = frame;
+    let stats = stats.with_features_of(contract.features);
+    let how = Correction {
+        isa,
+        form: contract.form,
+        window_radius: contract.window_radius,
+        composition: contract.composition,
+        strength: arguments.run.strength,
+        rows: None,
+        keep_maps: false,
+    };
+    let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
+    let corrected = correct(&mut bands, engine, &how, &interrupt::asked).map_err(|error| match error {
+        CorrectError::Interrupted => Failure::interrupted(),
+        CorrectError::Parameters(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
+        CorrectError::Bands(error) => error.into(),
+    })?;
+    drop(source);
     interrupt::check()?;
 
     let begin = Instant::now();
-    write_corrected(&job.output, &job.files.a, &inputs, &corrected.picture, &provenance(setting, &corrected))?;
-    seconds.write = begin.elapsed().as_secs_f64();
-    seconds.total = start.elapsed().as_secs_f64();
-    report.finish(seconds);
+    let provenance = provenance(shared, &corrected);
+    write_corrected(&job.output, &job.frame.files.a, &inputs, &corrected.picture, &provenance)?;
+    let seconds = Seconds {
+        read,
+        features: corrected.seconds.features,
+        correct: corrected.seconds.correct,
+        write: begin.elapsed().as_secs_f64(),
+        total: start.elapsed().as_secs_f64(),
+    };
+    let report = Report::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
     if arguments.json {
-        atomic_write_bytes(&job.sidecar(), &inputs, &report.to_json())?;
+        let json = serde_json::to_vec_pretty(&report)
+            .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
+        atomic_write_bytes(&job.sidecar(), &inputs, &json)?;
     }
-    progress.corrected(job, &report);
+    say_result(output, job, &report);
     Ok(())
 }
 
@@ -78,78 +93,86 @@ pub fn correct_file(setting: &Setting, job: &Job) -> Result<(), Failure> {
 ///
 /// # Errors
 /// What would stop the frame, as a [`Failure`].
-pub fn describe(setting: &Setting, job: &Job) -> Result<(), Failure> {
-    let mut lines = vec![format!("{}:", job.name())];
+pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
+    let mut lines = vec![format!("{}:", job.frame.name())];
     let exists = job.output.exists();
-    if setting.arguments.skip_existing && exists {
+    if shared.arguments.skip_existing && exists {
         lines.push(format!("  would be left alone: {} exists", job.output.display()));
     } else {
-        check_outputs(setting, job, &inputs(setting, job))?;
-        let found = resolve(&job.files, setting.overrides)?;
-        for source in found.filled.iter().map(|filled| found.source(filled)) {
-            let channels = source.channels.join(",");
-            lines.push(format!("  {} of {} from {} [{channels}]", source.role, source.buffer, source.path.display()));
-        }
+        check_outputs(shared, job, &inputs(shared, job))?;
+        let found = resolve(&job.frame.files, shared.overrides)?;
+        lines.extend(found.filled.iter().map(|filled| role_line(&found.source(filled))));
         lines.extend(found.warnings.iter().map(|warning| format!("  note: {warning}")));
         let verb = if exists { "replace" } else { "write" };
         lines.push(format!("  would {verb} {}", job.output.display()));
     }
-    println_all(&lines)
-}
-
-fn println_all(lines: &[String]) -> Result<(), Failure> {
-    use std::io::Write;
-    let mut out = std::io::stdout().lock();
-    let text = lines.join("\n") + "\n";
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| Failure::from_stdout(&error))
+    print_result(&(lines.join("\n") + "\n"))
 }
 
 /// Files that must not be overwritten.
-fn inputs(setting: &Setting, job: &Job) -> Vec<PathBuf> {
-    let mut inputs = job.files.all();
-    inputs.extend(setting.overrides.files());
-    inputs.push(setting.arguments.model.clone());
+fn inputs(shared: &Shared, job: &Job) -> Vec<PathBuf> {
+    let mut inputs = job.frame.files.all();
+    inputs.extend(shared.overrides.files());
+    inputs.push(shared.arguments.model.clone());
     inputs
 }
 
-fn check_outputs(setting: &Setting, job: &Job, inputs: &[PathBuf]) -> Result<(), Failure> {
+fn check_outputs(shared: &Shared, job: &Job, inputs: &[PathBuf]) -> Result<(), Failure> {
     check_output(&job.output, inputs)?;
-    if setting.arguments.json {
+    if shared.arguments.json {
         check_output(&job.sidecar(), inputs)?;
     }
     Ok(())
 }
 
-fn tell_what_was_read(setting: &Setting, job: &Job, frame: &Looks, warnings: &[String]) {
-    let progress = setting.progress;
-    progress.detail(&format!("{}: {} x {} pixels", job.name(), frame.width, frame.height));
-    for source in &frame.sources {
-        let channels = source.channels.join(",");
-        progress.detail(&format!("  {} of {} from {} [{channels}]", source.role, source.buffer, source.path.display()));
-    }
-    warnings.iter().for_each(|warning| progress.say(&format!("{}: note: {warning}", job.name())));
-    let fitted = setting.engine.model().contract.features;
-    let has = |role: Role| frame.sources.iter().any(|source| source.role == role);
-    for (role, used) in
-        [(Role::Albedo, fitted.albedo), (Role::Normal, fitted.normal), (Role::Visibility, fitted.visibility)]
-    {
+fn say_what_was_read(shared: &Shared, job: &Job, frame: &ReadFrame) {
+    let (output, name) = (shared.output, job.frame.name());
+    output.detail(&format!("{name}: {} x {} pixels", frame.source.width(), frame.source.height()));
+    frame.roles.iter().for_each(|source| output.detail(&role_line(source)));
+    frame.warnings.iter().for_each(|warning| output.say(&format!("{name}: note: {warning}")));
+    let fitted = shared.engine.model().contract.features;
+    let has = |role: Role| frame.roles.iter().any(|source| source.role == role);
+    for (role, used) in Role::FEATURES.into_iter().zip([fitted.albedo, fitted.normal, fitted.visibility]) {
         if has(role) && !used {
-            progress.detail(&format!("  {role} is left out: the model was fitted without it"));
+            output.detail(&format!("  {role} is left out: the model was fitted without it"));
         }
     }
 }
 
+fn say_result(output: &Output, job: &Job, report: &Report) {
+    let (name, estimate, seconds) = (job.frame.name(), &report.estimate, report.seconds);
+    match &report.fallback {
+        Some(reason) => output.say(&format!("{name}: the picture is the denoiser's: {reason}")),
+        None => output.say(&format!(
+            "{name}: estimated relL2 of the halves' mean {:.5} after {:.5} denoised, {:.2} s, {}",
+            estimate.corrected.value,
+            estimate.denoised.value,
+            seconds.total,
+            job.output.display()
+        )),
+    }
+    if let Some(unlike) = &report.unlike {
+        output.say(&format!("{name}: note: {unlike}"));
+    }
+    if let Some(after) = report.first_tile_after {
+        output.detail(&format!("  first tile after {after:.3} s"));
+    }
+    output.detail(&format!(
+        "  seconds: read {:.3}, features {:.3}, network, g_c and weights {:.3}, write {:.3}",
+        seconds.read, seconds.features, seconds.correct, seconds.write
+    ));
+    if let Some(bytes) = report.peak_rss_bytes {
+        output.detail(&format!("  most memory held so far: {} MiB", bytes >> 20));
+    }
+}
+
 /// How the picture was made, for its attributes.
-fn provenance(setting: &Setting, corrected: &Corrected) -> Vec<(String, String)> {
-    let contract = &setting.engine.model().contract;
-    [
-        ("sspc.tool", concat!("sspc-infer ", env!("CARGO_PKG_VERSION")).to_string()),
-        ("sspc.model", setting.arguments.model.display().to_string()),
+fn provenance(shared: &Shared, corrected: &Corrected) -> Vec<(String, String)> {
+    let contract = &shared.engine.model().contract;
+    let own = [
+        ("sspc.model", record::shown_path(&shared.arguments.model)),
         ("sspc.model_frames", contract.frames.join(" ")),
         ("sspc.model_preset", contract.preset.clone()),
-        ("sspc.strength", setting.arguments.strength.to_string()),
-        ("sspc.fallback", corrected.fallback.clone().unwrap_or_else(|| "none".into())),
-    ]
-    .map(|(key, value)| (key.to_string(), value))
-    .to_vec()
+    ];
+    record::provenance("sspc-infer", &own, shared.arguments.run.strength, corrected.verdict.fallback.as_deref())
 }

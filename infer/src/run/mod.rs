@@ -2,30 +2,19 @@
 //!
 //! | module | step |
 //! |---|---|
-//! | [`arguments`] | what can be asked |
-//! | [`jobs`] | which files make which frame, and where its picture goes |
-//! | [`source`] | where a frame's rows come from |
-//! | [`correct`] | one frame from pixels to pixels, in bands of bounded memory |
+//! | [`arguments`] | what can be asked, and where each picture goes |
 //! | [`frame`] | one frame from file to file |
 //! | [`report`] | what the sidecar says |
-//! | [`progress`] | what the person sees |
 
 pub mod arguments;
-pub mod correct;
 pub mod frame;
-pub mod jobs;
-pub mod progress;
 pub mod report;
-pub mod source;
 
 use crate::engine::Engine;
-use crate::failure::{Code, Failure};
-use crate::interrupt;
-use arguments::RunArguments;
-use frame::Setting;
-use jobs::Job;
-use progress::Progress;
-use sspc_frames::RoleOverrides;
+use arguments::{Job, RunArguments};
+use frame::Shared;
+use sspc_cli::output::Output;
+use sspc_cli::{Code, Failure, interrupt};
 use sspc_kernels::simd::Isa;
 use sspc_onnx::load_model;
 
@@ -35,33 +24,38 @@ use sspc_onnx::load_model;
 /// A [`Failure`] with its exit code: the frame's own when there is one frame, else one that counts
 /// the frames that failed.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
-    let overrides = RoleOverrides::parse(&arguments.roles)?;
-    let jobs = jobs::list(arguments)?;
+    let overrides = arguments.frame.overrides()?;
+    let jobs = arguments.jobs()?;
     let model = load_model(&arguments.model).map_err(|error| {
         let advice = "give a model.onnx that sspc-train fit or export wrote";
         Failure::new(Code::Input, error.to_string(), advice)
     })?;
     let isa = Isa::best();
     let engine = Engine::new(model, arguments.kernels.of(isa), arguments.tile);
-    let progress = Progress::new(arguments.verbosity(), jobs.len());
-    let setting = Setting { arguments, overrides: &overrides, engine: &engine, isa, progress: &progress };
-    limit_threads(arguments.threads)?;
-    if arguments.dry_run {
-        return all(&jobs, &progress, |job| frame::describe(&setting, job));
+    let bar = (jobs.len() > 1).then_some("{bar:32} {pos}/{len} frames  {eta} left");
+    let output = Output::new(arguments.run.verbosity(), bar);
+    let shared = Shared { arguments, overrides: &overrides, engine: &engine, isa, output: &output };
+    arguments.run.start_threads()?;
+    if arguments.run.dry_run {
+        return all(&jobs, &output, |job| frame::describe(&shared, job));
     }
-    all(&jobs, &progress, |job| frame::correct_file(&setting, job))
+    all(&jobs, &output, |job| frame::correct_file(&shared, job))
 }
 
 /// Does every job; goes on after a bad input, ends at a failed output, which would fail again.
-fn all(jobs: &[Job], progress: &Progress, work: impl Fn(&Job) -> Result<(), Failure>) -> Result<(), Failure> {
+fn all(jobs: &[Job], output: &Output, work: impl Fn(&Job) -> Result<(), Failure>) -> Result<(), Failure> {
     let mut failures: Vec<Failure> = Vec::new();
+    show_done(output, 0, jobs.len());
     for (done, job) in jobs.iter().enumerate() {
         match interrupt::check().and_then(|()| work(job)) {
             Ok(()) => {}
             Err(failure) if failure.code == Code::Interrupted => return Err(failure),
             Err(failure) if jobs.len() == 1 => return Err(failure),
             Err(failure) => {
-                progress.failed(job, &failure);
+                output.always(&format!("error: {}: {}", job.frame.name(), failure.message));
+                if !failure.advice.is_empty() {
+                    output.always(&format!("advice: {}", failure.advice));
+                }
                 let hopeless = failure.code == Code::Run;
                 failures.push(failure);
                 if hopeless {
@@ -70,9 +64,19 @@ fn all(jobs: &[Job], progress: &Progress, work: impl Fn(&Job) -> Result<(), Fail
                 }
             }
         }
-        progress.frame_done(done + 1);
+        show_done(output, done + 1, jobs.len());
     }
     if failures.is_empty() { Ok(()) } else { Err(summary(&failures, jobs.len(), 0)) }
+}
+
+fn show_done(output: &Output, done: usize, of: usize) {
+    if let Some(bar) = output.bar() {
+        bar.set_length(of as u64);
+        bar.set_position(done as u64);
+        if done == of {
+            bar.finish_and_clear();
+        }
+    }
 }
 
 fn summary(failures: &[Failure], frames: usize, untried: usize) -> Failure {
@@ -80,12 +84,4 @@ fn summary(failures: &[Failure], frames: usize, untried: usize) -> Failure {
     let untried = if untried > 0 { format!(", {untried} not tried") } else { String::new() };
     let message = format!("{} of {frames} frames failed{untried}; the others are complete", failures.len());
     Failure::new(worst, message, "mend what is named above and run again with --skip-existing")
-}
-
-fn limit_threads(threads: Option<usize>) -> Result<(), Failure> {
-    let Some(threads) = threads else { return Ok(()) };
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build_global()
-        .map_err(|error| Failure::new(Code::Run, format!("cannot start {threads} threads: {error}"), "ask for fewer"))
 }

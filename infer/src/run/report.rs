@@ -1,17 +1,17 @@
 //! The sidecar: every figure and setting of one frame.
 
-use super::correct::Corrected;
-use super::frame::Setting;
-use super::jobs::Job;
+use super::arguments::Job;
+use super::frame::Shared;
 use crate::clock;
 use serde::Serialize;
+use sspc_cli::record::{FilledRole, peak_rss_bytes, shown_path};
+use sspc_core::compose::Composition;
+use sspc_core::correct::Corrected;
 use sspc_core::estimate::{Estimate, Losses};
-use sspc_core::finish::Composition;
-use sspc_core::prepare::Findings;
+use sspc_core::frame_stats::{Findings, FrameStats};
 use sspc_image::RoleSource;
 use sspc_kernels::features::FeatureSet;
 use sspc_kernels::parameters::Form;
-use std::path::PathBuf;
 
 /// Wall-clock seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
@@ -20,27 +20,18 @@ pub struct Seconds {
     pub read: f64,
     /// Pixels to feature tensors.
     pub features: f64,
-    /// Features to parameters.
-    pub network: f64,
-    /// g_c, judgement and picture.
-    pub finish: f64,
+    /// Features to parameters, g_c, weights and picture.
+    pub correct: f64,
     /// Picture to file.
     pub write: f64,
+    /// All of it.
     pub total: f64,
-}
-
-/// A frame's size and which channels fill its roles.
-#[derive(Clone, Debug)]
-pub struct Looks {
-    pub height: usize,
-    pub width: usize,
-    pub sources: Vec<RoleSource>,
 }
 
 /// Where the model comes from.
 #[derive(Clone, Debug, Serialize)]
 pub struct Origin {
-    pub path: PathBuf,
+    pub path: String,
     pub form: Form,
     pub composition: Composition,
     pub window_radius: usize,
@@ -51,33 +42,13 @@ pub struct Origin {
     pub tool: String,
 }
 
-/// Which channels filled which role.
-#[derive(Clone, Debug, Serialize)]
-pub struct Filled {
-    pub role: String,
-    pub buffer: String,
-    pub file: PathBuf,
-    pub channels: Vec<String>,
-}
-
-impl From<&RoleSource> for Filled {
-    fn from(source: &RoleSource) -> Self {
-        Filled {
-            role: source.role.to_string(),
-            buffer: source.buffer.to_string(),
-            file: source.path.clone(),
-            channels: source.channels.clone(),
-        }
-    }
-}
-
 /// Everything `--json` writes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     pub version: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<u32>,
-    pub output: PathBuf,
+    pub output: String,
     pub model: Origin,
     pub width: usize,
     pub height: usize,
@@ -111,21 +82,30 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_tile_after: Option<f64>,
     pub peak_rss_bytes: Option<u64>,
-    pub roles: Vec<Filled>,
+    pub roles: Vec<FilledRole>,
     pub warnings: Vec<String>,
 }
 
 impl Report {
-    /// Everything but the times.
-    pub fn new(setting: &Setting, job: &Job, frame: Looks, warnings: Vec<String>, corrected: &Corrected) -> Self {
-        let contract = &setting.engine.model().contract;
-        let first_tile = setting.engine.first_tile().and_then(clock::since_start);
+    /// Everything that is known of a corrected frame.
+    pub fn new(
+        shared: &Shared,
+        job: &Job,
+        stats: &FrameStats,
+        roles: &[RoleSource],
+        warnings: Vec<String>,
+        corrected: &Corrected,
+        seconds: Seconds,
+    ) -> Self {
+        let contract = &shared.engine.model().contract;
+        let first_tile = shared.engine.first_tile().and_then(clock::since_start);
+        let verdict = &corrected.verdict;
         Report {
             version: env!("CARGO_PKG_VERSION"),
-            frame: job.number,
-            output: job.output.clone(),
+            frame: job.frame.number,
+            output: shown_path(&job.output),
             model: Origin {
-                path: setting.arguments.model.clone(),
+                path: shown_path(&shared.arguments.model),
                 form: contract.form,
                 composition: contract.composition,
                 window_radius: contract.window_radius,
@@ -135,46 +115,49 @@ impl Report {
                 seed: contract.seed,
                 tool: contract.tool.clone(),
             },
-            width: frame.width,
-            height: frame.height,
-            exposure: corrected.survey.exposure,
-            features: corrected.survey.set,
-            found: corrected.survey.found,
-            loss: corrected.loss,
-            estimate: corrected.estimate,
-            model_loss: corrected.model_loss,
-            fallback: corrected.fallback.clone(),
-            unlike: corrected.unlike(contract.composition),
-            strength: setting.arguments.strength,
+            width: corrected.picture.width(),
+            height: corrected.picture.height(),
+            exposure: stats.exposure,
+            features: stats.set,
+            found: stats.found,
+            loss: verdict.loss,
+            estimate: verdict.estimate,
+            model_loss: verdict.model_loss,
+            fallback: verdict.fallback.clone(),
+            unlike: unlike(corrected, contract.composition),
+            strength: shared.arguments.run.strength,
             mean_share: corrected.mean_share,
             active_share: corrected.active_share,
-            instruction_set: setting.isa.name(),
+            instruction_set: shared.isa.name(),
             threads: rayon::current_num_threads(),
-            tile: setting.arguments.tile,
-            seconds: Seconds::default(),
+            tile: shared.arguments.tile,
+            seconds,
             first_tile_after: first_tile.map(|after| after.as_secs_f64()),
-            peak_rss_bytes: None,
-            roles: frame.sources.iter().map(Into::into).collect(),
+            peak_rss_bytes: peak_rss_bytes(),
+            roles: roles.iter().map(Into::into).collect(),
             warnings,
         }
     }
-
-    /// Adds what is known at the end only.
-    pub fn finish(&mut self, seconds: Seconds) {
-        self.seconds = seconds;
-        self.peak_rss_bytes = peak_rss_bytes();
-    }
-
-    pub fn to_json(&self) -> Vec<u8> {
-        // Plain structures of numbers and texts: nothing in them can fail to serialise.
-        serde_json::to_vec_pretty(self).unwrap_or_default()
-    }
 }
 
-/// Most memory this process has held, where the system tells (Linux).
-fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib * 1024)
+/// In words that the model does not suit the frame: by the self-supervised loss its correction as it is comes out worse
+/// than the denoiser, as that of a model fitted to other scenes or noise would.
+fn unlike(corrected: &Corrected, composition: Composition) -> Option<String> {
+    let (model, denoiser) = (corrected.verdict.model_loss, corrected.verdict.loss.denoised);
+    // A loss that is not a number is no better.
+    if model <= denoiser {
+        return None;
+    }
+    let outcome = match (&corrected.verdict.fallback, composition) {
+        (Some(_), _) => "nothing of its correction was used".to_string(),
+        (None, Composition::JudgedFullBuffer) => {
+            format!("{:.0} % of its correction was used, where it helps", 100.0 * corrected.mean_share)
+        }
+        (None, Composition::MeanOfHalves) => {
+            "the picture is as the model makes it, since it asks for no judgement".to_string()
+        }
+    };
+    Some(format!(
+        "the frame is unlike those that the model was fitted on: its loss is {model:.4}, the denoiser's {denoiser:.4}; {outcome}"
+    ))
 }

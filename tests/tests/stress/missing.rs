@@ -3,7 +3,7 @@
 use crate::frames::{changed, corrected, synthetic};
 use sspc_core::corrector::{correct, parameters};
 use sspc_core::finish::{Composition, margin};
-use sspc_core::prepare::{Exposure, Prepared, Survey};
+use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_image::{Frame, HalfBuffer, Image};
@@ -108,8 +108,8 @@ fn stages(frame: &Frame, prepared: &Prepared) -> Stages {
 #[test]
 fn nothing_spreads_beyond_the_windows_that_hold_a_missing_pixel() {
     let frame = synthetic(SIDE, SIDE);
-    let survey = Survey::of(&frame, Exposure::Normalised);
-    let clean = stages(&frame, &Prepared::by_survey(&frame, survey));
+    let survey = FrameStats::of(&frame, Exposure::Normalised);
+    let clean = stages(&frame, &Prepared::by_stats(&frame, survey));
     let (network, g_c) = (network().shape.radius(), settings().radius);
     let whole = network + margin(&Taps::square(g_c), Composition::JudgedFullBuffer);
     for (i, (role, place)) in ROLES.iter().flat_map(|role| PLACES.iter().map(move |p| (role, p))).enumerate() {
@@ -117,9 +117,9 @@ fn nothing_spreads_beyond_the_windows_that_hold_a_missing_pixel() {
         let what = format!("{value} in {}, {} x {} pixels", role.0, place.height, place.width);
         let bad = damaged(&frame, role, place, value);
         // The exposure is a mean over the picture: what is asked here is what windows do.
-        let found = Survey::of(&bad, Exposure::Normalised).found;
+        let found = FrameStats::of(&bad, Exposure::Normalised).found;
         assert_eq!(found.missing_pixels, place.pixels(), "{what}: count");
-        let prepared = Prepared::by_survey(&bad, Survey { found, ..survey });
+        let prepared = Prepared::by_stats(&bad, FrameStats { found, ..survey });
         let stages = stages(&bad, &prepared);
         for h in 0..2 {
             assert_unreached(
@@ -148,8 +148,8 @@ fn nothing_spreads_beyond_the_windows_that_hold_a_missing_pixel() {
 #[test]
 fn missing_pixels_hardly_move_the_exposure() {
     let frame = synthetic(SIDE, SIDE);
-    let clean = Survey::of(&frame, Exposure::Normalised);
-    let found = Survey::of(&damaged(&frame, &ROLES[0], &PLACES[0], f32::NAN), Exposure::Normalised);
+    let clean = FrameStats::of(&frame, Exposure::Normalised);
+    let found = FrameStats::of(&damaged(&frame, &ROLES[0], &PLACES[0], f32::NAN), Exposure::Normalised);
     // One of 13 456 pixels, at most a few times as bright as the mean.
     assert!((found.exposure / clean.exposure - 1.0).abs() < 1e-3);
 }

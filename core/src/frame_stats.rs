@@ -11,10 +11,11 @@ const TARGET_MEAN: f64 = 0.25;
 /// Share of the pixels that count for exposure: emitters seen directly do not.
 const EXPOSED_SHARE: f64 = 0.95;
 /// Rows that one thread looks at, at a time.
-const ROWS_A_JOB: usize = 8;
+const ROWS_PER_JOB: usize = 8;
 
 /// Whether radiance is brought to the method's scale.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Exposure {
     /// As in the paper: values as they are.
     AsIs,
@@ -35,7 +36,7 @@ pub struct Findings {
 
 /// The decisions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Survey {
+pub struct FrameStats {
     /// Radiance in the file's units times this is radiance in the method's units.
     pub exposure: f32,
     /// Features that are there and not constant.
@@ -45,10 +46,10 @@ pub struct Survey {
     pub found: Findings,
 }
 
-impl Survey {
+impl FrameStats {
     /// Looks a frame over.
     pub fn of(frame: &Frame, exposure: Exposure) -> Self {
-        let mut surveyor = Surveyor::new(frame.height() * frame.width(), exposure, unusable_features(frame));
+        let mut surveyor = Collector::new(frame.height() * frame.width(), exposure, unusable_features(frame));
         surveyor.look(frame);
         surveyor.finish()
     }
@@ -63,7 +64,7 @@ impl Survey {
         exposure: Exposure,
         mut bands: impl FnMut(&mut dyn FnMut(&Frame)) -> Result<(), E>,
     ) -> Result<Self, E> {
-        let mut surveyor = Surveyor::new(pixels, exposure, FeatureSet::NONE);
+        let mut surveyor = Collector::new(pixels, exposure, FeatureSet::NONE);
         let (mut there, mut usable) = (FeatureSet::NONE, FeatureSet::NONE);
         bands(&mut |band| {
             there = there.union(present_features(band));
@@ -72,7 +73,7 @@ impl Survey {
         })?;
         let unusable = there.without(usable);
         if unusable != FeatureSet::NONE {
-            surveyor = Surveyor::new(pixels, exposure, unusable);
+            surveyor = Collector::new(pixels, exposure, unusable);
             bands(&mut |band| surveyor.look(band))?;
         }
         Ok(surveyor.finish())
@@ -144,7 +145,7 @@ fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
 }
 
 /// A survey under way.
-struct Surveyor {
+struct Collector {
     exposure: Exposure,
     /// Positive z̄ of valid pixels, both halves' mean, row after row.
     means: Vec<f64>,
@@ -162,7 +163,7 @@ struct Variation {
     varies: bool,
 }
 
-impl Surveyor {
+impl Collector {
     fn new(pixels: usize, exposure: Exposure, unusable: FeatureSet) -> Self {
         let counted = if exposure == Exposure::Normalised { pixels } else { 0 };
         let found = Findings { unusable, ..Findings::default() };
@@ -181,7 +182,7 @@ impl Surveyor {
             }
         }
         self.noisy = self.noisy || (0..band.height()).any(|y| noisy_row(band, valid.row(0, y), y));
-        let rows = (0..band.height()).into_par_iter().with_min_len(ROWS_A_JOB);
+        let rows = (0..band.height()).into_par_iter().with_min_len(ROWS_PER_JOB);
         let counts = rows.map(|y| {
             let valid = valid.row(0, y);
             let planes = colours(band).flat_map(|image| (0..image.channels()).map(move |c| image.row(c, y)));
@@ -194,14 +195,14 @@ impl Surveyor {
         self.found.negative_values += negative;
     }
 
-    fn finish(self) -> Survey {
+    fn finish(self) -> FrameStats {
         let unusable = self.found.unusable;
         let set = feature_set(self.features.map(|variation| variation.varies)).without(unusable);
         let exposure = match self.exposure {
             Exposure::AsIs => 1.0,
             Exposure::Normalised => normalised_exposure(self.means),
         };
-        Survey { exposure, set, noisy: self.noisy, found: self.found }
+        FrameStats { exposure, set, noisy: self.noisy, found: self.found }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The folder a fit writes: made when needed; when something fails, files that were not there before
 //! are removed again, and each file that was there is the old one or the whole new one.
 
-use crate::error::Error;
+use sspc_cli::{Code, Failure};
 use sspc_frames::atomic::check_folder;
 use std::path::{Path, PathBuf};
 
@@ -19,9 +19,12 @@ impl OutputFolder {
     /// Opens or makes the folder.
     ///
     /// # Errors
-    /// [`Error::Folder`] when it cannot be made, is not a folder, or cannot be written to.
-    pub fn open(path: &Path) -> Result<Self, Error> {
-        let refuse = |source| Error::Folder { path: path.to_path_buf(), source };
+    /// When it cannot be made, is not a folder, or cannot be written to.
+    pub fn open(path: &Path) -> Result<Self, Failure> {
+        let refuse = |source: std::io::Error| {
+            let message = format!("{}: cannot make the output folder: {source}", path.display());
+            Failure::new(Code::Run, message, "check that the parent folder exists and may be written to")
+        };
         let created = path.symlink_metadata().is_err();
         if created {
             std::fs::create_dir(path).map_err(refuse)?;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use sspc_image::Image;
 
 /// Rows that one thread takes at a time.
-const ROWS_A_JOB: usize = 16;
+const ROWS_PER_JOB: usize = 16;
 
 /// Mean over the (2 radius + 1)² neighbours that lie inside the picture, f64 sums. The same bits for
 /// any number of threads.
@@ -34,7 +34,7 @@ fn inside(i: usize, n: usize, radius: usize) -> usize {
 fn row_sums(image: &Image, c: usize, radius: usize) -> Vec<f64> {
     let (height, width) = (image.height(), image.width());
     let mut sums = vec![0.0; height * width];
-    let rows = sums.par_chunks_exact_mut(width).with_min_len(ROWS_A_JOB).enumerate();
+    let rows = sums.par_chunks_exact_mut(width).with_min_len(ROWS_PER_JOB).enumerate();
     rows.for_each_init(Vec::new, |scratch, (y, sums)| window_sums(image.row(c, y), radius, scratch, sums));
     sums
 }

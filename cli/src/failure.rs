@@ -1,8 +1,17 @@
 //! How a command ends: one line of what went wrong, one of advice, and an exit code.
 
+use crate::output::print_line;
 use sspc_frames::error::{Error, ErrorKind};
-use std::io::Write;
 use std::process::ExitCode;
+
+/// Exit codes, printed by `--help`.
+pub const EXIT_CODES: &str = "\
+Exit codes:
+  0    done
+  2    the arguments make no sense
+  3    an input is missing, damaged or not what it should be
+  4    the run failed: an output could not be written, memory ran out, ...
+  130  interrupted";
 
 /// The exit codes of every subcommand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,11 +68,9 @@ impl From<Error> for Failure {
 /// Reports a failure on standard error and gives the process its exit code.
 pub fn exit_code(outcome: Result<(), Failure>) -> ExitCode {
     let Err(failure) = outcome else { return ExitCode::SUCCESS };
-    let mut lines = format!("error: {}\n", failure.message);
+    print_line(&format!("error: {}", failure.message));
     if !failure.advice.is_empty() {
-        lines.push_str(&format!("advice: {}\n", failure.advice));
+        print_line(&format!("advice: {}", failure.advice));
     }
-    // A closed standard error leaves nobody to tell; the exit code still does.
-    let _ = std::io::stderr().write_all(lines.as_bytes());
     ExitCode::from(failure.code as u8)
 }

@@ -1,9 +1,8 @@
 //! `--set KEY=VALUE`: a preset with single settings changed, for experiments and ablations.
 
 use crate::combination::Combination;
-use crate::fit::LARGEST_RATE;
-use crate::preset::{Influence, Rate, Sampling, Settings, Start};
-use sspc_core::finish::Composition;
+use crate::preset::{Influence, LARGEST_RATE, Rate, Sampling, Settings, Skip, Start};
+use sspc_core::compose::Composition;
 use sspc_kernels::features::MAX_RADIUS;
 use sspc_kernels::network::MAX_CHANNELS;
 use sspc_kernels::parameters::Form;
@@ -69,19 +68,6 @@ impl FromStr for Change {
         let &(key, allowed) = known.ok_or_else(|| Error::Key { key: key.into() })?;
         Ok(Change { key, allowed, value: value.into() })
     }
-}
-
-/// What of a frame that needs no work is left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Skip {
-    /// Blocks of pixels without noise.
-    pub blocks: bool,
-    /// Features that are constant or absent.
-    pub features: bool,
-}
-
-impl Skip {
-    pub const ALL: Skip = Skip { blocks: true, features: true };
 }
 
 /// Applies `changes` (KEY=VALUE) to the settings of a preset; `from_model`: training starts from a
@@ -187,6 +173,12 @@ impl Change {
 
     fn conflict(&self, why: &'static str) -> Error {
         Error::Conflict { key: self.key, why }
+    }
+}
+
+impl From<Error> for sspc_cli::Failure {
+    fn from(error: Error) -> Self {
+        Self::new(sspc_cli::Code::Arguments, error.to_string(), "")
     }
 }
 

@@ -1,9 +1,10 @@
-//! Where a frame's rows come from: memory, or its files again and again.
+//! From files to a frame that was looked over, whole in memory or read again band by band.
 
-use sspc_core::survey::{Exposure, Survey};
+use rayon::join;
+use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_frames::OpenFrame;
 use sspc_frames::error::Error;
-use sspc_image::Frame;
+use sspc_image::{Frame, FrameRows, RoleSource};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -12,58 +13,52 @@ const HELD_BYTES: usize = 512 << 20;
 /// Rows of a band that is looked over.
 const LOOKED_AT: usize = 64;
 
-/// Something that rows of a frame can be asked of.
-pub trait Rows {
-    fn height(&self) -> usize;
-    fn width(&self) -> usize;
-
-    /// Some rows of every role.
-    ///
-    /// # Errors
-    /// What reading a file can raise.
-    fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Error>;
+/// Where a frame's rows come from.
+pub enum Source {
+    /// Memory.
+    Held(Box<Frame>),
+    /// Its files, again and again.
+    Files(OpenFrame),
 }
 
-impl Rows for Frame {
+impl FrameRows for Source {
+    type Error = Error;
+
     fn height(&self) -> usize {
-        Frame::height(self)
+        match self {
+            Source::Held(frame) => frame.height(),
+            Source::Files(open) => open.height(),
+        }
     }
 
     fn width(&self) -> usize {
-        Frame::width(self)
+        match self {
+            Source::Held(frame) => frame.width(),
+            Source::Files(open) => open.width(),
+        }
     }
 
     fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Error> {
-        Ok(match rows.len() == Frame::height(self) {
-            true => Cow::Borrowed(self),
-            false => Cow::Owned(Frame::rows(self, rows.start, rows.len())),
-        })
-    }
-}
-
-impl Rows for OpenFrame {
-    fn height(&self) -> usize {
-        OpenFrame::height(self)
-    }
-
-    fn width(&self) -> usize {
-        OpenFrame::width(self)
-    }
-
-    fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Error> {
-        OpenFrame::rows(self, rows).map(Cow::Owned)
+        match self {
+            Source::Held(frame) => FrameRows::rows(&**frame, rows).map_err(|never| match never {}),
+            Source::Files(open) => open.rows(rows).map(Cow::Owned),
+        }
     }
 }
 
 /// A frame that was looked over.
-pub struct Surveyed {
-    pub rows: Box<dyn Rows>,
-    pub survey: Survey,
+pub struct ReadFrame {
+    /// Its rows.
+    pub source: Source,
+    /// What was decided for it.
+    pub stats: FrameStats,
+    /// Which channels fill which role.
+    pub roles: Vec<RoleSource>,
     /// What a person should know.
     pub warnings: Vec<String>,
 }
 
-impl Surveyed {
+impl ReadFrame {
     /// Reads a frame, whole when it is small enough, and looks it over.
     ///
     /// # Errors
@@ -73,13 +68,17 @@ impl Surveyed {
         if bytes > HELD_BYTES { Self::in_bands(open, exposure) } else { Self::held(&open, exposure) }
     }
 
-    fn held(open: &OpenFrame, exposure: Exposure) -> Result<Self, Error> {
+    /// The same, whole whatever its size.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn held(open: &OpenFrame, exposure: Exposure) -> Result<Self, Error> {
         let all = 0..open.height();
         let frame = open.rows(all.clone())?;
         let mut inspection = open.inspection();
-        let (survey, ()) = rayon::join(|| Survey::of(&frame, exposure), || inspection.look(&frame, 0, all));
+        let (stats, ()) = join(|| FrameStats::of(&frame, exposure), || inspection.look(&frame, 0, all));
         let warnings = open.warnings(&inspection)?;
-        Ok(Self { rows: Box::new(frame), survey, warnings })
+        Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings })
     }
 
     /// The same for a frame of any size: what is looked over is forgotten.
@@ -90,7 +89,7 @@ impl Surveyed {
         let (height, width) = (open.height(), open.width());
         let mut inspection = open.inspection();
         let mut inspected = false;
-        let survey = Survey::of_bands(height * width, exposure, |look| {
+        let stats = FrameStats::of_bands(height * width, exposure, |look| {
             for top in (0..height).step_by(LOOKED_AT) {
                 let rows = top..(top + LOOKED_AT).min(height);
                 // A row more on either side for differences between neighbours.
@@ -105,6 +104,7 @@ impl Surveyed {
             Ok::<(), Error>(())
         })?;
         let warnings = open.warnings(&inspection)?;
-        Ok(Self { rows: Box::new(open), survey, warnings })
+        let roles = open.sources();
+        Ok(Self { source: Source::Files(open), stats, roles, warnings })
     }
 }

@@ -5,9 +5,9 @@
 //! summed with the loss's weights over a neighbourhood and both halves, is the best share of the
 //! correction there.
 
+use crate::box_mean::box_mean;
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
-use crate::smooth::box_mean;
 use sspc_image::Image;
 use sspc_kernels::features::{DENOISED, RADIANCE};
 

@@ -1,0 +1,168 @@
+//! The arguments that name a frame, or the frames of a shot.
+
+use crate::failure::{Code, Failure};
+use clap::Args;
+use sspc_frames::sequence::{Frames, Pattern};
+use sspc_frames::{FrameFiles, RoleOverrides};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+/// Which files make the frame, and which of their channels play which role.
+#[derive(Args, Clone, Debug, Default)]
+#[command(group = clap::ArgGroup::new("frame").required(true).args(["a_file", "a", "paper_layout"]))]
+pub struct FrameArgs {
+    /// Half buffer a, or one file whose layers hold both halves
+    #[arg(value_name = "A.exr")]
+    pub a_file: Option<PathBuf>,
+
+    /// Half buffer b
+    #[arg(value_name = "B.exr", requires = "a_file")]
+    pub b_file: Option<PathBuf>,
+
+    /// A shot instead of one frame: half buffers a, e.g. 'shot/a.####.exr', or files that hold both halves
+    #[arg(long, value_name = "PATTERN", requires = "frames", conflicts_with = "a_file")]
+    pub a: Option<OsString>,
+
+    /// Half buffers b of the shot
+    #[arg(long, value_name = "PATTERN", requires = "a")]
+    pub b: Option<OsString>,
+
+    /// Frames of the shot, e.g. 1001-1040, 1-100x5 or 1001,1005-1010
+    #[arg(long, value_name = "RANGE", requires = "a")]
+    pub frames: Option<String>,
+
+    /// Root of a folder laid out as the paper's published data
+    #[arg(long, value_name = "ROOT", requires_all = ["scene", "spp", "denoiser"], conflicts_with_all = ["a_file", "a"])]
+    pub paper_layout: Option<PathBuf>,
+
+    /// Scene in the paper's layout
+    #[arg(long, requires = "paper_layout")]
+    pub scene: Option<String>,
+
+    /// Samples per pixel in the paper's layout
+    #[arg(long, requires = "paper_layout")]
+    pub spp: Option<u32>,
+
+    /// Denoiser in the paper's layout
+    #[arg(long, requires = "paper_layout")]
+    pub denoiser: Option<String>,
+
+    /// The denoiser's output on half a, when it is not in A.exr (a pattern for a shot)
+    #[arg(long, value_name = "EXR")]
+    pub denoised_a: Option<PathBuf>,
+
+    /// The denoiser's output on half b, when it is not in B.exr (a pattern for a shot)
+    #[arg(long, value_name = "EXR")]
+    pub denoised_b: Option<PathBuf>,
+
+    /// The denoiser's output on the full buffer: what the correction is added to (a pattern for a shot)
+    #[arg(long, value_name = "EXR")]
+    pub denoised: Option<PathBuf>,
+
+    /// Which channels fill a role, e.g. albedo=LAYER, normal-a=FILE.exr:N, visibility=none
+    #[arg(long = "role", value_name = "ROLE=SOURCE")]
+    pub roles: Vec<String>,
+}
+
+/// One frame that the arguments name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameJob {
+    /// The number of a frame of a shot.
+    pub number: Option<u32>,
+    /// Its files.
+    pub files: FrameFiles,
+}
+
+impl FrameJob {
+    /// What messages call the frame.
+    pub fn name(&self) -> String {
+        match self.number {
+            Some(number) => format!("frame {number}"),
+            None => self.files.a.display().to_string(),
+        }
+    }
+}
+
+impl FrameArgs {
+    /// The roles that the user named.
+    ///
+    /// # Errors
+    /// An override that makes no sense.
+    pub fn overrides(&self) -> Result<RoleOverrides, Failure> {
+        Ok(RoleOverrides::parse(&self.roles)?)
+    }
+
+    /// The frames that the arguments name, in their order, each with the reference of its number.
+    ///
+    /// # Errors
+    /// Arguments that make no sense together, patterns without a place for the frame number.
+    pub fn jobs(&self, reference: Option<&Path>) -> Result<Vec<FrameJob>, Failure> {
+        match (&self.a, &self.frames) {
+            (Some(a), Some(frames)) => self.shot(Path::new(a), frames, reference),
+            // clap lets these pass where another way to name the frame was taken.
+            (None, Some(_)) => Err(nonsense("--frames belongs to a shot", "name the shot's files with --a and --b")),
+            (None, None) if self.b.is_some() => Err(nonsense("--b belongs to a shot", "add --a and --frames")),
+            _ => {
+                let files = self.single()?.with_reference(reference.map(Path::to_path_buf));
+                Ok(vec![FrameJob { number: None, files }])
+            }
+        }
+    }
+
+    fn single(&self) -> Result<FrameFiles, Failure> {
+        let files = match (&self.a_file, &self.b_file, &self.paper_layout) {
+            (Some(a), Some(b), _) => FrameFiles::halves(a, b),
+            (Some(both), None, _) => FrameFiles::both_in_one(both),
+            (None, _, Some(root)) => self.paper(root)?,
+            (None, _, None) => {
+                return Err(nonsense("no frame was named", "give A.exr and B.exr, --a and --b, or --paper-layout"));
+            }
+        };
+        Ok(files.with_denoised(self.denoised_a.clone(), self.denoised_b.clone(), self.denoised.clone()))
+    }
+
+    fn paper(&self, root: &Path) -> Result<FrameFiles, Failure> {
+        match (&self.scene, self.spp, &self.denoiser) {
+            (Some(scene), Some(spp), Some(denoiser)) => Ok(FrameFiles::paper_layout(root, scene, spp, denoiser)?),
+            _ => Err(nonsense("--paper-layout alone names no frame", "add --scene, --spp and --denoiser")),
+        }
+    }
+
+    fn shot(&self, a: &Path, frames: &str, reference: Option<&Path>) -> Result<Vec<FrameJob>, Failure> {
+        let frames: Frames = frames.parse()?;
+        let a = pattern(a)?;
+        let optional = |path: Option<&Path>| path.map(pattern).transpose();
+        let b = optional(self.b.as_deref().map(Path::new))?;
+        let [denoised_a, denoised_b, denoised, reference] = [
+            optional(self.denoised_a.as_deref())?,
+            optional(self.denoised_b.as_deref())?,
+            optional(self.denoised.as_deref())?,
+            optional(reference)?,
+        ];
+        let job = |number| {
+            let at = |pattern: &Option<Pattern>| pattern.as_ref().map(|pattern| pattern.path(number));
+            let halves = match &b {
+                Some(b) => FrameFiles::halves(a.path(number), b.path(number)),
+                None => FrameFiles::both_in_one(a.path(number)),
+            };
+            let files = halves.with_denoised(at(&denoised_a), at(&denoised_b), at(&denoised));
+            FrameJob { number: Some(number), files: files.with_reference(at(&reference)) }
+        };
+        Ok(frames.into_iter().map(job).collect())
+    }
+}
+
+/// A path with a place for the frame number.
+///
+/// # Errors
+/// Without one, or with more.
+pub fn pattern(path: &Path) -> Result<Pattern, Failure> {
+    let text = path.to_str().ok_or_else(|| {
+        nonsense(&format!("{}: a pattern must be UTF-8", path.display()), "rename the folder or the files")
+    })?;
+    Ok(text.parse::<Pattern>()?)
+}
+
+fn nonsense(message: &str, advice: &str) -> Failure {
+    Failure::new(Code::Arguments, message, advice)
+}

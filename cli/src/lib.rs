@@ -1,0 +1,24 @@
+//! What both programs say and take alike.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`frame_args`] | the arguments that name a frame, or the frames of a shot |
+//! | [`run_args`] | how much is printed, threads, strength |
+//! | [`reading`] | from files to a frame that was looked over |
+//! | [`failure`] | how a command ends: messages and exit codes |
+//! | [`interrupt`] | Ctrl-C and SIGTERM |
+//! | [`output`] | lines and bars |
+//! | [`record`] | what reports and pictures record: roles, provenance, memory |
+#![forbid(unsafe_code)]
+
+pub mod failure;
+pub mod frame_args;
+pub mod interrupt;
+pub mod output;
+pub mod reading;
+pub mod record;
+pub mod run_args;
+
+pub use failure::{Code, Failure};
+pub use frame_args::{FrameArgs, FrameJob};
+pub use run_args::{RunArgs, Verbosity};

@@ -1,0 +1,77 @@
+//! What a person sees: lines, and a bar on a terminal.
+
+use crate::run_args::Verbosity;
+use indicatif::{ProgressBar, ProgressStyle};
+use sspc_image::RoleSource;
+use std::io::{IsTerminal, Write, stderr, stdout};
+
+/// A line on standard error. Where nobody reads it any more (a closed pipe, a full disk), the work goes on:
+/// `eprintln!` would end it with a panic.
+pub fn print_line(line: &str) {
+    let _ = stderr().write_all(format!("{line}\n").as_bytes());
+}
+
+/// Lines and bar of a command; both go to standard error.
+pub struct Output {
+    verbosity: Verbosity,
+    bar: Option<ProgressBar>,
+}
+
+impl Output {
+    /// With a bar of this template when standard error is a terminal.
+    pub fn new(verbosity: Verbosity, template: Option<&str>) -> Self {
+        let shown = verbosity > Verbosity::Quiet && stderr().is_terminal();
+        let bar = template.filter(|_| shown).map(|template| {
+            let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new(0).with_style(style)
+        });
+        Self { verbosity, bar }
+    }
+
+    /// The bar, where there is one.
+    pub fn bar(&self) -> Option<&ProgressBar> {
+        self.bar.as_ref()
+    }
+
+    /// Whether progress is to be told in lines: nobody watches a bar, and quiet was not asked for.
+    pub fn in_lines(&self) -> bool {
+        self.bar.is_none() && self.verbosity > Verbosity::Quiet
+    }
+
+    /// A line whatever was asked for.
+    pub fn always(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| print_line(line)),
+            None => print_line(line),
+        }
+    }
+
+    /// A line for everyone who did not ask for quiet.
+    pub fn say(&self, line: &str) {
+        if self.verbosity >= Verbosity::Normal {
+            self.always(line);
+        }
+    }
+
+    /// A line for those who asked for more.
+    pub fn detail(&self, line: &str) {
+        if self.verbosity >= Verbosity::Verbose {
+            self.always(line);
+        }
+    }
+}
+
+/// Which channel fills a role, as a line.
+pub fn role_line(source: &RoleSource) -> String {
+    let channels = source.channels.join(",");
+    format!("  {} of {} from {} [{channels}]", source.role, source.buffer, source.path.display())
+}
+
+/// Text to standard output, all of it.
+///
+/// # Errors
+/// When it is closed or full.
+pub fn print_result(text: &str) -> Result<(), crate::Failure> {
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| crate::Failure::from_stdout(&error))
+}

@@ -1,0 +1,108 @@
+//! Where a frame's bands come from: a frame that is prepared already, or rows that are read when they are needed.
+
+use crate::correct::{BandInput, BandSource, Ground};
+use crate::frame_stats::FrameStats;
+use crate::prepare::Prepared;
+use sspc_image::{FrameRows, Image};
+use std::borrow::Cow;
+use std::convert::Infallible;
+use std::ops::Range;
+
+/// A frame whose rows are brought into the method's units band by band.
+pub struct FrameBands<'a, R> {
+    rows: &'a R,
+    stats: FrameStats,
+    skip_still_blocks: bool,
+}
+
+impl<'a, R: FrameRows> FrameBands<'a, R> {
+    /// Bands of a frame that was looked over.
+    pub fn new(rows: &'a R, stats: FrameStats, skip_still_blocks: bool) -> Self {
+        Self { rows, stats, skip_still_blocks }
+    }
+}
+
+impl<R: FrameRows> BandSource for FrameBands<'_, R> {
+    type Error = R::Error;
+
+    fn height(&self) -> usize {
+        self.rows.height()
+    }
+
+    fn width(&self) -> usize {
+        self.rows.width()
+    }
+
+    fn stats(&self) -> &FrameStats {
+        &self.stats
+    }
+
+    fn band(&mut self, rows: Range<usize>, around: usize) -> Result<BandInput<'_>, R::Error> {
+        let first = rows.start.saturating_sub(around);
+        let last = (rows.end + around).min(self.rows.height());
+        let inner = rows.start - first..rows.end - first;
+        let frame = self.rows.rows(first..last)?;
+        let mut prepared = Prepared::by_stats(&frame, &self.stats);
+        if !self.skip_still_blocks {
+            prepared = prepared.without_skips(&self.stats);
+        }
+        let ground = match inner.len() == frame.height() {
+            true => Ground::of(&frame, &self.stats),
+            false => Ground::of(&frame.colours(inner.start, inner.len()), &self.stats),
+        };
+        Ok(BandInput { prepared: Cow::Owned(prepared), inner, ground })
+    }
+
+    fn ground(&mut self, rows: Range<usize>) -> Result<Ground<'_>, R::Error> {
+        Ok(Ground::of(&*self.rows.rows(rows)?, &self.stats))
+    }
+}
+
+/// A whole frame that is prepared already; its features go when they are not needed any more.
+pub struct PreparedFrame<'a> {
+    prepared: Option<Prepared>,
+    stats: FrameStats,
+    ground: Ground<'a>,
+}
+
+impl<'a> PreparedFrame<'a> {
+    /// The frame, and the ground of its picture.
+    pub fn new(prepared: Prepared, stats: FrameStats, denoised: &'a Image, fill: &'a [(usize, [f32; 3])]) -> Self {
+        let ground = Ground { denoised: Cow::Borrowed(denoised), fill: Cow::Borrowed(fill) };
+        Self { prepared: Some(prepared), stats, ground }
+    }
+}
+
+impl BandSource for PreparedFrame<'_> {
+    type Error = Infallible;
+
+    fn height(&self) -> usize {
+        self.ground.denoised.height()
+    }
+
+    fn width(&self) -> usize {
+        self.ground.denoised.width()
+    }
+
+    fn stats(&self) -> &FrameStats {
+        &self.stats
+    }
+
+    /// # Panics
+    /// When anything but the whole is asked for, or that a second time.
+    fn band(&mut self, rows: Range<usize>, _: usize) -> Result<BandInput<'_>, Infallible> {
+        assert_eq!(rows, 0..self.height(), "a prepared frame comes whole");
+        let prepared = self.prepared.take().expect("a prepared frame comes once");
+        let Ground { denoised, fill } = &self.ground;
+        let ground = Ground { denoised: Cow::Borrowed(denoised), fill: Cow::Borrowed(fill) };
+        Ok(BandInput { prepared: Cow::Owned(prepared), inner: rows, ground })
+    }
+
+    /// # Panics
+    /// When anything but the whole is asked for.
+    fn ground(&mut self, rows: Range<usize>) -> Result<Ground<'_>, Infallible> {
+        assert_eq!(rows, 0..self.height(), "a prepared frame comes whole");
+        let Ground { denoised, fill } = &self.ground;
+        Ok(Ground { denoised: Cow::Borrowed(denoised), fill: Cow::Borrowed(fill) })
+    }
+}

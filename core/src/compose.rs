@@ -1,0 +1,229 @@
+//! From parameters to the finished rows of a picture: both halves corrected, weighed against each other, and the
+//! correction added to the denoiser's picture where it helps ([`crate::blend_weight`]).
+//!
+//! **Full buffer.** The correction that is applied is that of g_c with each half's parameters and y, but z and features
+//! of the full buffer: the picture starts from the better z.
+
+use crate::blend_weight::{Evidence, JUDGE_RADIUS};
+use crate::corrector::correct;
+use crate::estimate;
+use crate::frame_sums::FrameSums;
+use crate::objective::triple;
+use crate::plan::{BLOCK_ROWS, Plan};
+use crate::prepare::{Guides, Prepared};
+use crate::tiles::{ParameterSource, parameters};
+use sspc_image::Image;
+use sspc_kernels::features::DENOISED;
+use sspc_kernels::gc::Taps;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
+use std::ops::Range;
+
+/// Rows that are weighed and summed at a time: what is held for them beside the picture does not grow with it. A
+/// multiple of the plan's blocks and of [`estimate::BLOCK`]: no block is cut, and sums are the same.
+const ROWS_AT_ONCE: usize = 128;
+const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(estimate::BLOCK) && ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
+/// Memory for the parameters of the rows that are corrected at a time, both halves.
+const PARAMETER_BYTES: usize = 32 << 20;
+
+/// What the picture is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Composition {
+    /// ½ (μ̂^a + μ̂^b), as it is (the paper).
+    MeanOfHalves,
+    /// The correction of the full buffer's z, as far as the halves' judgement of each other goes.
+    JudgedFullBuffer,
+}
+
+impl Composition {
+    /// Whether blocks without noise are left as the denoiser made them: not by the paper.
+    pub fn skips_still_blocks(self) -> bool {
+        self == Composition::JudgedFullBuffer
+    }
+}
+
+/// A band of rows, corrected and weighed.
+#[derive(Clone, Debug)]
+pub struct Band {
+    /// Share times correction of the band's rows, in the method's units, `[3, rows, W]`.
+    pub correction: Image,
+    /// Share of the correction that was used, strength included, 0..1, `[1, rows, W]`.
+    pub share: Image,
+    /// Mean of both halves, corrected as far as they judge each other, in the method's units, `[3, rows, W]`: the
+    /// picture that the estimate is of.
+    pub halves: Image,
+    /// The band's part of what the whole picture is judged by.
+    pub sums: FrameSums,
+}
+
+/// How a picture is composed.
+#[derive(Clone, Copy, Debug)]
+pub struct Composer<'a> {
+    /// Instruction set of g_c.
+    pub isa: Isa,
+    /// Form of the parameters.
+    pub form: Form,
+    /// Window of g_c.
+    pub taps: &'a Taps,
+    /// What the picture is made of.
+    pub composition: Composition,
+    /// Share of the weighed correction that is used, 0..1: an artist's choice. At 0 the picture is the denoiser's.
+    pub strength: f32,
+}
+
+impl Composer<'_> {
+    /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window and the two box
+    /// means of the blend weight.
+    pub fn margin(&self) -> usize {
+        match self.composition {
+            Composition::MeanOfHalves => self.taps.radius(),
+            Composition::JudgedFullBuffer => self.taps.radius() + 2 * JUDGE_RADIUS,
+        }
+    }
+
+    /// Corrects both halves and finishes some rows of a picture, or of a band of it that has [`Self::margin`] rows and
+    /// the network's radius above and below them wherever the picture has. Rows and band start at multiples of
+    /// [`estimate::BLOCK`], so that a band's blocks are the picture's. Parameters are computed when they are needed and
+    /// forgotten again.
+    ///
+    /// # Errors
+    /// What the source of the parameters fails with.
+    pub fn rows<S: ParameterSource>(
+        &self,
+        prepared: &Prepared,
+        source: &S,
+        rows: Range<usize>,
+    ) -> Result<Band, S::Error> {
+        let Corrections { mut halves, mut picture } = self.corrections(prepared, source, &rows)?;
+        let mut share = match self.composition {
+            Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
+            Composition::JudgedFullBuffer => Evidence::of(prepared, &halves).share(),
+        };
+        share.for_each_row(|_, _, row| row.iter_mut().for_each(|s| *s *= self.strength));
+        let mut sums = FrameSums::default();
+        // The results take the place of what they are made of.
+        for top in rows.clone().step_by(ROWS_AT_ONCE) {
+            let strip = top..(top + ROWS_AT_ONCE).min(rows.end);
+            let cut = |image: &Image| image.crop(top, 0, strip.len(), image.width());
+            let [a, b] = &halves;
+            let done = weigh(&prepared.rows(strip.clone()), &[cut(a), cut(b)], cut(&picture), cut(&share));
+            picture.put_rows(top, &done.correction);
+            halves[0].put_rows(top, &done.halves);
+            sums.append(done.sums);
+        }
+        let [halves, _] = halves;
+        let only = |image: Image| match rows.len() == image.height() {
+            true => image,
+            false => image.crop(rows.start, 0, rows.len(), image.width()),
+        };
+        Ok(Band { correction: only(picture), share: only(share), halves: only(halves), sums })
+    }
+
+    /// Corrects what `rows` depend on.
+    fn corrections<S: ParameterSource>(
+        &self,
+        prepared: &Prepared,
+        source: &S,
+        rows: &Range<usize>,
+    ) -> Result<Corrections, S::Error> {
+        let height = prepared.height();
+        let weighed = prepared.plan.within_rows(self.weighed_rows(rows, height));
+        let finished = prepared.plan.within_rows(rows.clone());
+        let mut halves = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
+        let mut full = (self.composition == Composition::JudgedFullBuffer).then(|| prepared.denoised.clone());
+        let step = self.rows_at_once(prepared.width(), source.tile());
+        for top in (0..height).step_by(step) {
+            let strip = top..(top + step).min(height);
+            let (weighed_strip, finished_strip) = (weighed.of_rows(strip.clone()), finished.of_rows(strip.clone()));
+            if weighed_strip.is_idle() {
+                continue;
+            }
+            let mut of_full = Vec::new();
+            for (h, half) in halves.iter_mut().enumerate() {
+                let parameters = parameters(source, &prepared.halves[h], &weighed, strip.clone())?;
+                let g_c = |guides, plan: &Plan| self.g_c(prepared, (h, guides), &parameters, plan, &strip);
+                half.put_rows(top, &g_c(Guides::Half, &weighed_strip));
+                if full.is_some() && !finished_strip.is_idle() {
+                    of_full.push(g_c(Guides::Full, &finished_strip));
+                }
+            }
+            if let (Some(full), [a, b]) = (&mut full, &of_full[..]) {
+                full.put_rows(top, &Image::mean_of(a, b));
+            }
+        }
+        let picture = full.unwrap_or_else(|| Image::mean_of(&halves[0], &halves[1]));
+        Ok(Corrections { halves, picture })
+    }
+
+    /// The rows whose corrected halves `rows` of a picture of `height` rows depend on.
+    fn weighed_rows(&self, rows: &Range<usize>, height: usize) -> Range<usize> {
+        let reach = self.margin() - self.taps.radius();
+        rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
+    }
+
+    /// Rows that are corrected at a time: as many as keep all threads busy, in whole tiles where the memory allows.
+    fn rows_at_once(&self, width: usize, tile: usize) -> usize {
+        let bytes_per_row = size_of::<f32>() * self.form.parameters() * width.max(1);
+        let rows = PARAMETER_BYTES / bytes_per_row / ROWS_AT_ONCE * ROWS_AT_ONCE;
+        rows.max(tile.next_multiple_of(ROWS_AT_ONCE))
+    }
+
+    /// g_c of some rows of half `h`, `[3, rows, W]`.
+    fn g_c(
+        &self,
+        prepared: &Prepared,
+        (h, guides): (usize, Guides),
+        parameters: &Image,
+        plan: &Plan,
+        rows: &Range<usize>,
+    ) -> Image {
+        let size = (prepared.height(), prepared.width());
+        let fill = |c: usize, y: usize, row: &mut [f32]| prepared.feature_row(h, guides, c, y, row);
+        let (valid, set) = (prepared.valid.as_ref(), prepared.set);
+        let windows = Windows::of_rows(size, rows.clone(), fill, valid, set, self.taps.radius());
+        correct(self.isa, self.form, &windows, self.taps, parameters, plan)
+    }
+}
+
+/// A picture's corrections before they are weighed, `[3, H, W]` each; z where nothing was computed.
+struct Corrections {
+    halves: [Image; 2],
+    /// What the picture is made of.
+    picture: Image,
+}
+
+/// Weighed corrections of some rows by themselves, and what they say of the picture; `picture` is what it is made of.
+fn weigh(prepared: &Prepared, halves: &[Image; 2], picture: Image, share: Image) -> Band {
+    let mut correction = picture;
+    correction.for_each_row(|c, y, row| {
+        let (share, z) = (share.row(0, y), prepared.denoised.row(c, y));
+        for (x, v) in row.iter_mut().enumerate() {
+            let kept = if prepared.is_valid(y * share.len() + x) { share[x] } else { 0.0 };
+            *v = kept * (*v - z[x]);
+        }
+    });
+    let rows = 0..prepared.height();
+    let blended = [0, 1].map(|h| blend(prepared, &halves[h], &share, h));
+    let denoised = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
+    let sums = FrameSums {
+        loss_denoised: estimate::loss(prepared, &denoised, rows.clone()),
+        loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
+        loss_unjudged: estimate::loss(prepared, halves, rows.clone()),
+        gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
+        error_denoised: estimate::estimate(prepared, &denoised, &correction, rows.clone()),
+        error_corrected: estimate::estimate(prepared, &blended, &correction, rows),
+    };
+    Band { correction, share, halves: Image::mean_of(&blended[0], &blended[1]), sums }
+}
+
+/// z + share (μ̂ - z) of half `h`.
+fn blend(prepared: &Prepared, corrected: &Image, share: &Image, h: usize) -> Image {
+    Image::from_rows(3, share.height(), share.width(), |k, y, row| {
+        let (z, corrected, share) = (prepared.halves[h].row(DENOISED + k, y), corrected.row(k, y), share.row(0, y));
+        for (x, out) in row.iter_mut().enumerate() {
+            *out = (z[x] + share[x] * (corrected[x] - z[x])).max(0.0);
+        }
+    })
+}

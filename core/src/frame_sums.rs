@@ -1,0 +1,67 @@
+//! What a whole picture is judged by: sums over its blocks, band after band.
+
+use crate::compose::Composition;
+use crate::estimate::{Blocks, Errors, Estimate, Losses};
+
+/// Sums over the blocks of a picture, or of its first bands from top to bottom.
+#[derive(Clone, Debug, Default)]
+pub struct FrameSums {
+    pub(crate) loss_denoised: Blocks,
+    pub(crate) loss_corrected: Blocks,
+    pub(crate) loss_unjudged: Blocks,
+    pub(crate) gain: Blocks,
+    pub(crate) error_denoised: Errors,
+    pub(crate) error_corrected: Errors,
+}
+
+/// The judgement of a whole picture.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// Self-supervised loss of both halves, the denoiser's and ours.
+    pub loss: Losses,
+    /// Loss of the correction as the model gives it, before any judgement.
+    pub model_loss: f64,
+    /// Estimated relL2 of the mean of both halves, variance term included.
+    pub estimate: Estimate,
+    /// Why the output is the denoiser's everywhere, if it is.
+    pub fallback: Option<String>,
+}
+
+impl FrameSums {
+    /// Adds the next band below.
+    pub fn append(&mut self, next: FrameSums) {
+        self.loss_denoised.append(next.loss_denoised);
+        self.loss_corrected.append(next.loss_corrected);
+        self.loss_unjudged.append(next.loss_unjudged);
+        self.gain.append(next.gain);
+        self.error_denoised.append(next.error_denoised);
+        self.error_corrected.append(next.error_corrected);
+    }
+
+    /// Whether the correction stays, and what the frame says of the error.
+    pub fn verdict(&self, composition: Composition) -> Verdict {
+        let gain = self.gain.mean();
+        // A gain that is not a number is no gain.
+        let helps = gain.value > 0.0;
+        let fallback = (composition == Composition::JudgedFullBuffer && !helps).then(|| match gain.standard_error {
+            Some(error) if gain.value != 0.0 => {
+                format!("the self-supervised loss does not fall: gain {:.3e} ± {error:.1e}", gain.value)
+            }
+            _ => "nothing is added to the denoiser's picture".to_string(),
+        });
+        let (loss, error) = match fallback {
+            Some(_) => (&self.loss_denoised, &self.error_denoised),
+            None => (&self.loss_corrected, &self.error_corrected),
+        };
+        Verdict {
+            model_loss: self.loss_unjudged.mean().value,
+            loss: Losses { denoised: self.loss_denoised.mean().value, corrected: loss.mean().value },
+            estimate: Estimate {
+                denoised: self.error_denoised.mean(),
+                corrected: error.mean(),
+                gain: self.error_denoised.less(error).mean(),
+            },
+            fallback,
+        }
+    }
+}

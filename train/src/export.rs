@@ -1,0 +1,21 @@
+//! `export`: a fitted model as another ONNX graph.
+
+use crate::cli::{ExportArgs, Graph};
+use crate::warm_start::read_model;
+use sspc_cli::Failure;
+use sspc_frames::atomic::atomic_write_bytes;
+use sspc_onnx::{write_image, write_network};
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// What reading the model and writing the file can raise.
+pub fn run(args: &ExportArgs) -> Result<(), Failure> {
+    let path = if args.model.is_dir() { args.model.join("model.onnx") } else { args.model.clone() };
+    let model = read_model(&path)?;
+    let bytes = match args.graph {
+        Graph::Network => write_network(&model),
+        Graph::Image => write_image(&model),
+    };
+    Ok(atomic_write_bytes(&args.output, &[path], &bytes)?)
+}

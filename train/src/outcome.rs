@@ -1,0 +1,61 @@
+//! A fitted network's picture of a frame, and what the frame says of it.
+
+use crate::inputs::Input;
+use crate::preset::Settings;
+use crate::report::RelL2;
+use sspc_cli::{Failure, interrupt};
+use sspc_core::bands::PreparedFrame;
+use sspc_core::correct::{CorrectError, Correction, correct};
+use sspc_core::frame_sums::Verdict;
+use sspc_core::prepare::Prepared;
+use sspc_image::Image;
+use sspc_kernels::network::{Network, WindowNetwork};
+use sspc_kernels::simd::Isa;
+
+/// A corrected frame and what it says of itself.
+pub struct Outcome {
+    /// In the frame's units, `[3, H, W]`.
+    pub corrected: Image,
+    /// The judgement of the whole.
+    pub verdict: Verdict,
+    /// Mean share of the correction that was used, as weights and strength have it, 0..1.
+    pub mean_share: f64,
+    /// Against the reference, where there is one.
+    pub rel_l2: Option<RelL2>,
+}
+
+/// Corrects a frame, whose features are gone before the picture is made.
+///
+/// # Errors
+/// When it is interrupted.
+pub fn correct_frame(
+    isa: Isa,
+    strength: f32,
+    settings: &Settings,
+    network: &Network,
+    input: &Input,
+    prepared: Prepared,
+) -> Result<Outcome, Failure> {
+    let how = Correction {
+        isa,
+        form: settings.form,
+        window_radius: settings.radius,
+        composition: settings.composition,
+        strength,
+        rows: Some(prepared.height()),
+        keep_maps: input.reference.is_some(),
+    };
+    let network = WindowNetwork::new(isa, settings.form, network);
+    let mut frame = PreparedFrame::new(prepared, input.stats, &input.denoised, &input.fill);
+    let corrected = correct(&mut frame, &network, &how, &interrupt::asked).map_err(|error| match error {
+        CorrectError::Interrupted => Failure::interrupted(),
+        CorrectError::Bands(never) | CorrectError::Parameters(never) => match never {},
+    })?;
+    let rivals = input.reference.as_ref().zip(input.rivals.as_ref());
+    let rel_l2 = rivals.map(|(reference, rivals)| {
+        let fell_back = corrected.verdict.fallback.is_some();
+        let halves = corrected.maps.as_ref().filter(|_| !fell_back).map(|maps| &maps.halves);
+        RelL2::measure(&corrected.picture, halves, rivals, reference)
+    });
+    Ok(Outcome { corrected: corrected.picture, verdict: corrected.verdict, mean_share: corrected.mean_share, rel_l2 })
+}

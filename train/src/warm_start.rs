@@ -1,0 +1,32 @@
+//! Training that starts from a fitted model.
+
+use crate::preset::Settings;
+use sspc_cli::{Code, Failure};
+use sspc_kernels::network::Network;
+use sspc_onnx::{Model, load_model};
+use std::path::Path;
+
+/// Network of a fitted model to start from; form, window, exposure, composition and features of the
+/// settings become the model's.
+///
+/// # Errors
+/// When the file is no model.
+pub fn load(path: &Path, settings: &mut Settings) -> Result<Network, Failure> {
+    let model = read_model(path)?;
+    settings.form = model.contract.form;
+    settings.shape = model.contract.shape;
+    settings.radius = model.contract.window_radius;
+    settings.exposure = model.contract.exposure;
+    settings.composition = model.contract.composition;
+    settings.features = model.contract.features;
+    Ok(model.network())
+}
+
+/// A fitted model.
+///
+/// # Errors
+/// When the file is no model.
+pub fn read_model(path: &Path) -> Result<Model, Failure> {
+    let advice = "give a model.onnx that sspc-train fit wrote";
+    load_model(path).map_err(|error| Failure::new(Code::Input, error.to_string(), advice))
+}
