@@ -1,4 +1,4 @@
-"""Ablations: one preset with one thing changed at a time, as a table of errors and processor seconds."""
+"""Ablations: one preset with one setting changed at a time, as a table of errors and processor seconds."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -35,15 +35,19 @@ WITHOUT = {
 VARIANTS = [
     Variant("", AS_IT_IS, ()),
     *of("function", ("f_c (Deep Combiner)", "combination=fc"), ("no gate (g_c alone)", "gate=none")),
-    *of("training", ("no influence limit", "influence=inf"), ("no gate, no influence limit", "gate=none", "influence=inf")),
+    *of(
+        "training",
+        ("no influence limit", "influence=inf"),
+        ("no gate, no influence limit", "gate=none", "influence=inf"),
+    ),
     *of("picture", ("mean of halves, not judged", "composition=halves")),
     *(
         Variant("features", name, tuple(word for role in roles for word in ("--role", f"{role}=none")))
         for name, roles in WITHOUT.items()
     ),
-    # The preset's own size is among these, whichever it is: its row must equal the first one.
+    # Includes the preset's own size, whose row must equal the first one.
     *of("window", *((f"{side} x {side}", f"window={side}") for side in (7, 11, 15, 19, 25))),
-    # The kernels end at 16 channels.
+    # The kernels hold at most 16 channels.
     *of("hidden channels", *((f"{n}", f"hidden={n}") for n in (4, 8, 12, 16))),
     *of("convolutions", *((f"{n}", f"layers={n}") for n in (2, 3, 5, 9))),
 ]
@@ -56,7 +60,7 @@ class Pair:
     name: str
     off: Variant
     on: Variant
-    # Of frames whose right half is made background; else of the frames as they are.
+    # Measured on frames whose right half is background, otherwise on the frames as they are.
     half_empty: bool = False
 
 
@@ -66,7 +70,11 @@ def named_variant(group, name):
 
 FEATURELESS = named_variant("features", "no feature at all")
 PAIRS = [
-    Pair("nothing against everything that is skipped, frames as they are", Variant("skip", "nothing skipped", ("--set", "skip=none")), VARIANTS[0]),
+    Pair(
+        "all skips, frames as they are",
+        Variant("skip", "nothing skipped", ("--set", "skip=none")),
+        VARIANTS[0],
+    ),
     Pair(
         "still blocks, right half background",
         Variant("half-empty", "still blocks computed", ("--set", "skip=features")),
@@ -90,7 +98,10 @@ def chosen(frames):
 
 
 def jobs(frames, half_empty, preset, seeds, steps=None):
-    """Every variant and every pair of skips on `frames`, frame by frame; `half_empty`: frames made of them, by their names."""
+    """Every variant and every pair of skips on `frames`, frame by frame.
+
+    `half_empty` holds the frames derived from them, by the names of the originals.
+    """
     limit = ("--steps", str(steps)) if steps else ()
 
     def of_frame(frame, variants):
@@ -118,7 +129,7 @@ class Ablations:
         self.about, self.preset, self.results = about, preset, results
         self.cells = figures.cells(results)
         self.asked, self.half_empty = frames, half_empty
-        # Means are over the frames that every variant has: an interrupted run leaves the last one half done.
+        # Means are over the frames that every variant has: an interrupted run leaves the last frame incomplete.
         self.frames = [f for f in frames if all(self.measured(f.name, v) for v in VARIANTS)]
 
     def measured(self, frame, variant):
@@ -138,7 +149,7 @@ class Ablations:
         return figures.geometric_mean(ratio for ratio, _ in ratios), max(ratios)
 
     def table(self, table):
-        """relL2 over the denoiser's, and relL2 and processor seconds over those of the preset as it is, of every variant."""
+        """For every variant: relL2 ÷ the denoiser's, and relL2 and processor seconds ÷ those of the preset as it is."""
         if not self.frames:
             return "No frame was measured with every variant."
         names, base = [f.name for f in self.frames], VARIANTS[0]
@@ -147,9 +158,10 @@ class Ablations:
             error, worst = self.against(names, v, base, relative_error)
             seconds, _ = self.against(names, v, base, cpu_seconds)
             own = self.mean(names, v, relative_error), self.mean(names, v, cpu_seconds)
-            body.append([v.group, v.name, f"{own[0]:.3f}", f"{error:.3f}", f"{worst[0]:.3f} {worst[1]}", f"{own[1]:.1f}", f"{seconds:.2f}"])
-        headings = ["", "variant", "relL2 ÷ denoiser's", "relL2 ÷ as it is", "its worst frame", "cpu s", "cpu s ÷ as it is"]
-        return table(headings, body)
+            errors = [f"{own[0]:.3f}", f"{error:.3f}", f"{worst[0]:.3f} {worst[1]}"]
+            body.append([v.group, v.name, *errors, f"{own[1]:.1f}", f"{seconds:.2f}"])
+        errors = ["relL2 ÷ denoiser's", "relL2 ÷ as it is", "its worst frame"]
+        return table(["", "variant", *errors, "cpu s", "cpu s ÷ as it is"], body)
 
     def frame_table(self, table):
         names = [f.name for f in self.asked if self.measured(f.name, VARIANTS[0])]
@@ -171,28 +183,36 @@ class Ablations:
             seconds, slowest = self.against(names, pair.on, pair.off, cpu_seconds)
             error, worst = self.against(names, pair.on, pair.off, relative_error)
             own = [f"{self.mean(names, v, cpu_seconds):.1f}" for v in (pair.off, pair.on)]
-            body.append([pair.name, len(names), *own, f"{seconds:.2f}", f"{slowest[0]:.2f} {slowest[1]}", f"{error:.3f}", f"{worst[0]:.3f} {worst[1]}"])
-        headings = ["skip", "frames", "cpu s, off", "cpu s, on", "on ÷ off", "its worst frame", "relL2, on ÷ off", "its worst frame"]
+            times = [*own, f"{seconds:.2f}", f"{slowest[0]:.2f} {slowest[1]}"]
+            body.append([pair.name, len(names), *times, f"{error:.3f}", f"{worst[0]:.3f} {worst[1]}"])
+        times = ["cpu s, off", "cpu s, on", "on ÷ off", "its worst frame"]
+        headings = ["skip", "frames", *times, "relL2, on ÷ off", "its worst frame"]
         return table(headings, body) if body else "Not measured."
 
     def markdown(self, head, table):
         names = ", ".join(f.name for f in self.frames)
-        return "\n\n".join([
+        parts = [
             f"# Ablations of `{self.preset}`, {self.about['date'][:10]}, commit {self.about['commit']['hash']}",
             *head,
-            f"One thing changed at a time. Figures are geometric means over {len(self.frames)} frames ({names}); the worst frame is the one that the "
-            "change harms most. cpu s are user and system seconds of the whole process, all threads: they depend less on what else the machine does "
-            "than the wall clock. The rows that repeat the preset's own size tell how far they scatter.",
+            f"One setting changed at a time. Figures are geometric means over {len(self.frames)} frames ({names}); the "
+            "worst frame is the one that the change harms most. cpu s are user and system seconds of the whole "
+            "process, all threads; other load affects them less than the wall clock. The rows that repeat the "
+            "preset's own size show the scatter.",
             self.table(table),
-            "## Every frame (relL2 ÷ the denoiser's)\n\n" + self.frame_table(table),
-            "## Skips, off and on\n\nGeometric means over the frames. A right half of background is zeros in every buffer; a frame without features is "
-            "told to have no albedo, normal or visibility.\n\n" + self.skip_table(table),
-        ]) + "\n"
+            "## Every frame (relL2 ÷ the denoiser's)",
+            self.frame_table(table),
+            "## Skips, off and on",
+            "Geometric means over the frames. A background half is zero in every buffer; a frame without features is "
+            "run with albedo, normal and visibility set to none.",
+            self.skip_table(table),
+        ]
+        return "\n\n".join(parts) + "\n"
 
     def json(self):
         pairs = [v for pair in PAIRS for v in (pair.off, pair.on) if v not in VARIANTS]
         variants = [asdict(v) | {"column": column(title(v), self.preset)} for v in (*VARIANTS, *pairs)]
-        return json.dumps(self.about | {"preset": self.preset, "variants": variants, "results": self.results}, indent=1) + "\n"
+        everything = self.about | {"preset": self.preset, "variants": variants, "results": self.results}
+        return json.dumps(everything, indent=1) + "\n"
 
 
 def relative_error(cell):

@@ -1,10 +1,14 @@
-"""What the fits predict of their own error against what the references say: coverage figures and points to plot."""
+"""Estimated against true error: coverage of the standard errors, and the points of the plot."""
 
 from dataclasses import dataclass
 from statistics import median
 
 # In the order of the table.
-DENOISED, CORRECTED, GAIN = "error of the denoised picture", "error of the corrected picture", "gain (denoised less corrected)"
+DENOISED, CORRECTED, GAIN = (
+    "error of the denoised picture",
+    "error of the corrected picture",
+    "gain (denoised less corrected)",
+)
 WHATS = (DENOISED, CORRECTED, GAIN)
 
 
@@ -14,7 +18,7 @@ class Prediction:
     column: str
     what: str
     predicted: float
-    # None: the fit could not tell.
+    # None where the fit reports none.
     standard_error: float | None
     truth: float
 
@@ -26,11 +30,11 @@ class Prediction:
 
 
 def predictions(results):
-    """Of every successful result that has an estimate and a reference.
+    """Predictions of every successful result that has an estimate and a reference.
 
-    An estimate is of the mean of both halves; where the report has relL2 of those pictures (`halves`), that is the
-    truth, else that of the full buffer's, which is lower. The denoised picture's is the same for every seed and
-    repeat, and nearly so for every preset: it is taken once a frame.
+    An estimate concerns the mean of both halves. The truth is the relL2 of that picture (`halves` in the report) or,
+    in reports without it, of the full buffer's, which is lower. The estimate of the denoised picture hardly depends
+    on seed or preset and is taken once per frame.
     """
     out, seen = [], set()
     for result in results:
@@ -45,13 +49,15 @@ def predictions(results):
             if not said[what] or (what == DENOISED and result["frame"] in seen):
                 continue
             mean = said[what]
-            out.append(Prediction(result["frame"], result["column"], what, mean["value"], mean.get("standard_error"), of[what]))
+            out.append(
+                Prediction(result["frame"], result["column"], what, mean["value"], mean.get("standard_error"), of[what])
+            )
         seen.add(result["frame"])
     return out
 
 
 def gain(estimate):
-    """The estimated gain: as reported, else the difference, of which the standard error is not known."""
+    """The estimated gain: as reported, else the difference, whose standard error is unknown."""
     if estimate.get("gain"):
         return estimate["gain"]
     if estimate.get("denoised") and estimate.get("corrected"):
@@ -64,7 +70,7 @@ class Coverage:
     """Figures of all predictions of one kind."""
 
     count: int
-    # Shares of those with a standard error; None without any.
+    # Fractions of those with a standard error; None without any.
     within_one: float | None
     within_two: float | None
     # Median of predicted over true.
@@ -94,9 +100,9 @@ def coverage(predictions):
 
 
 NOTE = (
-    "Predictions are `estimate` of report.json, made without the reference, against relL2 of the same pictures (means of both halves) by the "
-    "reference. Standard errors that tell the whole uncertainty would hold the truth in 68 % and 95 % of the cases; frames of one shot and "
-    "presets on one frame are no independent cases."
+    "Predictions are `estimate` of report.json, made without the reference; the truth is relL2 of the same pictures "
+    "(means of both halves) by the reference. Complete standard errors would cover the truth in 68 % and 95 % of the "
+    "cases; frames of one shot, and presets on one frame, are not independent."
 )
 
 
@@ -104,14 +110,16 @@ def text(results, table, picture):
     """The section's text; `table` makes a Markdown table, `picture` is the plot's file name."""
     found = predictions(results)
     if not found:
-        return "No run with a reference told an estimate."
-    headings = ["prediction", "cases", "truth within 1 s.e.", "within 2 s.e.", "predicted ÷ true, median", "predicted ≤ 0", "wrong sign"]
+        return "No run with a reference reported an estimate."
+    headings = ["prediction", "cases", "truth within 1 s.e.", "within 2 s.e.", "predicted ÷ true, median"]
+    headings += ["predicted ≤ 0", "wrong sign"]
     body = []
     for what in WHATS:
         of = [p for p in found if p.what == what]
         if of:
             c = coverage(of)
-            body.append([what, c.count, percent(c.within_one), percent(c.within_two), f"{c.ratio:.2f}", c.not_positive, c.wrong_sign])
+            covered = [percent(c.within_one), percent(c.within_two)]
+            body.append([what, c.count, *covered, f"{c.ratio:.2f}", c.not_positive, c.wrong_sign])
     image = f"![predicted against true relL2]({picture})\n\n" if picture else ""
     return f"{image}{NOTE}\n\n{table(headings, body)}"
 

@@ -1,4 +1,4 @@
-"""The command line and the loop over the jobs."""
+"""The command line of bench/run and its loop over the jobs."""
 
 import argparse
 import os
@@ -9,22 +9,22 @@ import subprocess
 import sys
 import tempfile
 import time
-from datetime import datetime, timezone
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 
-from . import ablations, derived, frames, jobs, machine, runs
+from . import ablations, common, derived, frames, jobs, machine, runs
+from .common import REPOSITORY, fail
 from .record import Record, free_stem, name_of, table, write_all
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-DESCRIPTION = """\
+PROG = "bench/run"
+PRESETS = ("fast", "balanced", "quality")
+DESCRIPTION = f"""\
 Fits every frame with every preset, file to file, checks every answer with sspc-infer, and writes a dated record
-(tables, JSON, plots). The programs are those of target/release (or $CARGO_TARGET_DIR): build them first,
-`cargo build --release --workspace --bins --examples`. The frame in the repository is always measured; --frames adds
-a folder of scenes, whose file names are told in bench/frames.py, and a frame of 1280 x 720 made of one of
-them. Exit codes: 0 done, 1 a run failed or its answer was wrong (the record says which), 2 bad arguments, 130
-interrupted (what was measured is kept)."""
+(tables, JSON, plots). Build the programs first: `{common.BUILD}`.
+The frame in the repository is always measured. --frames adds a folder of scenes (bench/frames.py lists the file names)
+and one frame of 1280 x 720 derived from them. Exit codes: 0 done, 1 a run failed or its answer was wrong (the record
+says which), 2 bad arguments, 130 interrupted (what was measured is kept)."""
 
 
 def main(arguments=None):
@@ -39,9 +39,12 @@ def main(arguments=None):
     found = frames.sample(REPOSITORY) + (frames.find(options.frames) if options.frames else [])
     found = [frame for frame in found if any(fnmatchcase(frame.name, glob) for glob in options.only)]
     for name in set(dict(options.render_seconds)) - {frame.name for frame in found}:
-        print(f"bench: --render-seconds: no frame {name} is measured", file=sys.stderr)
+        print(f"bench: --render-seconds: frame {name} is not measured", file=sys.stderr)
     with tempfile.TemporaryDirectory(prefix="sspc-bench-") as scratch:
-        options.render_seconds = [*known.items(), *options.render_seconds]  # what the command line says comes last and wins
+        options.render_seconds = [
+            *known.items(),
+            *options.render_seconds,
+        ]  # what the command line says comes last and wins
         measure = ablate if options.ablations else compare
         return measure(found, programs, options, arguments, Path(scratch))
 
@@ -50,8 +53,8 @@ def compare(found, programs, options, arguments, scratch):
     """Methods and presets on every frame, and their record; the exit code."""
     problems = []
     if options.crops:
-        cut = [derive(partial(derived.quarter, index=index), frame, programs, scratch, problems) for frame in found for index in range(4)]
-        found = [quarter for quarters in cut for quarter in quarters]
+        cuts = [(frame, partial(derived.quarter, index=index)) for frame in found for index in range(4)]
+        found = [crop for frame, cut in cuts for crop in derive(cut, frame, programs, scratch, problems)]
     elif options.frames and options.large:
         found = found + derive(derived.fourfold, derived.source(found), programs, scratch, problems)
     methods = jobs.methods(
@@ -77,7 +80,10 @@ def ablate(found, programs, options, arguments, scratch):
     record = Record(about, found, [], cleaned(results, options), lambda _: None)
     done = ablations.Ablations(about, chosen, half_empty, options.ablations, record.results)
     stem = free_stem(options.output, f"{name_of(about)}-ablations")
-    texts = {f"{stem}.md": done.markdown([part for part in (record.failures(), record.about_text()) if part], table), f"{stem}.json": done.json()}
+    texts = {
+        f"{stem}.md": done.markdown([part for part in (record.failures(), record.about_text()) if part], table),
+        f"{stem}.json": done.json(),
+    }
     for path in write_all(options.output, texts):
         say(f"wrote {path}")
     return conclude(record, about["ended"])
@@ -96,14 +102,8 @@ def run_all(todo, found, programs, options, arguments, scratch, problems):
     """Runs the jobs; their results, and what the record says of commit, machine, programs and how it ended."""
     if not todo:
         fail("nothing to run: no frame matches, or no preset or method was asked for")
-    head = machine.commit(REPOSITORY)
-    measured = [path for path in (programs.train, programs.infer) if path]
-    about = {
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "commit": head,
-        "programs": [machine.program(path, head) for path in measured],
-        "machine": machine.machine(options.threads),
-        "command": shown(sys.argv[1:] if arguments is None else arguments),
+    measured = [programs.train, programs.infer]
+    about = common.about(PROG, arguments, options, measured) | {
         "steps_limit": options.steps,
         "seeds": options.seeds,
         "planned": len(todo),
@@ -112,7 +112,7 @@ def run_all(todo, found, programs, options, arguments, scratch, problems):
     for program in about["programs"]:
         if program["older_than_commit"]:
             about["problems"].append(f"{program['name']} was built before the commit named here")
-    say(f"{len(todo)} runs on {len(found)} frames; threads: {options.threads or 'one a usable core'}")
+    say(f"{len(todo)} runs on {len(found)} frames; threads: {options.threads or 'one per usable core'}")
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)
     results, ended = carry_out(todo, programs, options, scratch)
@@ -122,60 +122,65 @@ def run_all(todo, found, programs, options, arguments, scratch, problems):
     return results, about | {"ended": ended, "load_average_after": machine.load()}
 
 
-def shown(arguments):
-    """The command without the folders of this machine that decide nothing."""
-    words, left_out = [], False
-    for word in arguments:
-        name, mark, _ = word.partition("=")
-        local = name in ("--bin-dir", "--keep", "-o", "--output")
-        if not local and not left_out:
-            words.append(word)
-        left_out = local and not mark
-    return shlex.join(["bench/run", *words])
-
-
 def command_line():
-    parser = argparse.ArgumentParser(
-        prog="bench/run", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
+    parser = common.parser(PROG, DESCRIPTION)
+    common.add_output(parser)
+
+    def option(name, help, **settings):
+        parser.add_argument(name, help=help, **settings)
+
+    option("--frames", "folder of scenes to measure as well", type=common.folder, metavar="DIR")
+    option("--only", "frames to measure, e.g. 'staircase/*,sample'", type=names, default=("*",), metavar="GLOB,GLOB")
+    option("--presets", "presets to run, or none (default: all three)", type=names, default=PRESETS, metavar="A,B")
+    option(
+        "--methods",
+        "sspc: the presets; fc: f_c with the network and steps of balanced; paper: the preset paper (minutes per "
+        "frame); torch: PyTorch with the paper's schedule (many minutes per frame); default sspc,fc",
+        type=method_names,
+        default=("sspc", "fc"),
+        metavar="A,B",
     )
-    parser.add_argument("--frames", type=folder, metavar="DIR", help="folder of scenes, measured besides the repository's frame")
-    parser.add_argument("--only", type=names, default=("*",), metavar="GLOB,GLOB", help="frames to measure, by name, e.g. 'staircase/*,sample'")
-    presets = ("fast", "balanced", "quality")
-    parser.add_argument("--presets", type=names, default=presets, metavar="A,B", help="presets to run, 'none' for none (default: all three)")
-    parser.add_argument("--methods", type=method_names, default=("sspc", "fc"), metavar="A,B",
-                        help="sspc: the presets; fc: f_c with the network and steps of balanced; paper: the preset paper (minutes a frame); "
-                        "torch: PyTorch with the paper's schedule (many minutes a frame); default sspc,fc")
-    parser.add_argument("--paper-frames", type=names, default=("sample", "staircase/64spp"), metavar="GLOB,GLOB",
-                        help="frames that the preset paper is run on (default sample,staircase/64spp)")
-    parser.add_argument("--torch-frames", type=names, default=("sample",), metavar="GLOB,GLOB", help="frames that PyTorch is run on (default sample)")
-    parser.add_argument("--torch-timeout", type=positive, default=3600, metavar="SECONDS", help="a PyTorch run that lasts longer failed (default 3600)")
-    parser.add_argument("--no-large", dest="large", action="store_false", help="without the frame of 1280 x 720")
-    parser.add_argument("--crops", action="store_true", help="instead of the frames their quarters, each a picture of its own: does one come out worse?")
-    parser.add_argument("--ablations", choices=presets, metavar="PRESET",
-                        help="instead of methods and presets: this preset with one thing changed at a time, on every frame as denoised "
-                        "(of a shot, the first), and a record of its own")
-    parser.add_argument("--method", type=named, action="append", default=[], metavar="NAME=ARGUMENTS",
-                        help="also sspc-train fit with these arguments, e.g. 'no albedo=--role albedo=none', with every preset; repeatable")
-    parser.add_argument("--seeds", type=numbers, default=[1], metavar="1,2", help="seeds (default 1)")
-    parser.add_argument("--repeat", type=positive, default=1, metavar="N", help="times each run is made; the median of the seconds counts")
-    parser.add_argument("--threads", type=positive, metavar="N", help="threads a run may use (default: one a usable core)")
-    parser.add_argument("--pin", type=numbers, metavar="0,1", help="cores to run on (Linux)")
-    parser.add_argument("--render-seconds", type=seconds_of, action="append", default=[], metavar="FRAME=SECONDS",
-                        help="render time of a frame, for equal-time figures; repeatable. Folders may tell theirs: bench/frames.py")
-    parser.add_argument("--steps", type=positive, metavar="N", help="a trial: N steps a fit (PyTorch: one epoch); goals are not judged")
-    parser.add_argument("--timeout", type=positive, default=3600, metavar="SECONDS", help="a run that lasts longer failed (default 3600)")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="keep every run's pictures and reports in this folder")
-    parser.add_argument("--bin-dir", type=folder, metavar="DIR", help="folder of sspc-train and sspc-infer")
-    parser.add_argument("-o", "--output", type=Path, default=REPOSITORY / "bench" / "records", metavar="DIR",
-                        help="folder of the records (default bench/records)")
+    paper_frames, torch_frames = ("sample", "staircase/64spp"), ("sample",)
+    option("--paper-frames", "frames for paper", type=names, default=paper_frames, metavar="GLOB,GLOB")
+    option("--torch-frames", "frames for torch", type=names, default=torch_frames, metavar="GLOB,GLOB")
+    option("--torch-timeout", "longest PyTorch run", type=common.positive, default=3600, metavar="SECONDS")
+    option("--no-large", "leave out the frame of 1280 x 720", dest="large", action="store_false")
+    option("--crops", "measure the quarters of the frames instead, each as its own picture", action="store_true")
+    option(
+        "--ablations",
+        "instead of methods and presets: this preset with one setting changed at a time, on every frame as denoised "
+        "(the first of a shot), in a record of its own",
+        choices=PRESETS,
+        metavar="PRESET",
+    )
+    option(
+        "--method",
+        "also run sspc-train fit with these arguments, e.g. 'no albedo=--role albedo=none', with every preset; "
+        "repeatable",
+        type=named,
+        action="append",
+        default=[],
+        metavar="NAME=ARGUMENTS",
+    )
+    option("--seeds", "seeds (default 1)", type=common.numbers, default=[1], metavar="1,2")
+    option(
+        "--repeat", "runs of each kind; the median of the seconds counts", type=common.positive, default=1, metavar="N"
+    )
+    option("--pin", "cores to run on (Linux)", type=common.numbers, metavar="0,1")
+    option(
+        "--render-seconds",
+        "render time of a frame, for equal-time figures; repeatable (a folder's own: bench/frames.py)",
+        type=seconds_of,
+        action="append",
+        default=[],
+        metavar="FRAME=SECONDS",
+    )
+    option(
+        "--steps", "a trial: N steps per fit (PyTorch: one epoch), goals not judged", type=common.positive, metavar="N"
+    )
+    option("--timeout", "longest run (default 3600)", type=common.positive, default=3600, metavar="SECONDS")
+    option("--keep", "keep the pictures and reports of every run here", type=Path, metavar="DIR")
     return parser
-
-
-def folder(value):
-    path = Path(value)
-    if not path.is_dir():
-        raise argparse.ArgumentTypeError(f"{value} is not a folder")
-    return path
 
 
 def names(value):
@@ -185,18 +190,8 @@ def names(value):
 def method_names(value):
     unknown = set(names(value)) - set(jobs.NAMES)
     if unknown:
-        raise argparse.ArgumentTypeError(f"no method {', '.join(sorted(unknown))}; there are {', '.join(jobs.NAMES)}")
+        raise argparse.ArgumentTypeError(f"no method {', '.join(sorted(unknown))}; known: {', '.join(jobs.NAMES)}")
     return names(value)
-
-
-def numbers(value):
-    return [int(part) for part in value.split(",")]
-
-
-def positive(value):
-    if int(value) < 1:
-        raise argparse.ArgumentTypeError(f"{value} is not a number above 0")
-    return int(value)
 
 
 def named(value):
@@ -214,27 +209,22 @@ def seconds_of(value):
 
 
 def find_programs(options):
-    target = Path(os.environ.get("CARGO_TARGET_DIR") or REPOSITORY / "target")
-    binaries = (options.bin_dir or target / "release").resolve()
-    for name in ("sspc-train", "sspc-infer"):
-        if not (binaries / name).is_file():
-            fail(f"no {binaries / name}; run `cargo build --release`, or say --bin-dir")
+    train, infer = (common.program(options, name) for name in ("sspc-train", "sspc-infer"))
     python = None
     if "torch" in options.methods and not options.ablations:
-        named_python = os.environ.get("SSPC_PYTHON_VENV")
-        done = None if named_python else subprocess.run([REPOSITORY / ".ci" / "setup-python"], stdout=subprocess.PIPE, text=True)
-        if done and done.returncode:
-            fail("--torch needs the virtual environment of reference-py, and it could not be made")
-        python = Path(named_python or done.stdout.strip())
-    edit = binaries / "examples" / "edit_exr"
-    return runs.Programs(binaries / "sspc-train", binaries / "sspc-infer", edit, python, REPOSITORY / "reference-py")
+        python = os.environ.get("SSPC_PYTHON_VENV")
+        if not python:
+            made = subprocess.run([REPOSITORY / ".ci" / "setup-python"], stdout=subprocess.PIPE, text=True)
+            if made.returncode:
+                fail("the method torch needs the virtual environment of reference-py, which could not be made")
+            python = made.stdout.strip()
+    edit = train.parent / "examples" / "edit_exr"
+    return runs.Programs(train, infer, edit, python and Path(python), REPOSITORY / "reference-py")
 
 
 def carry_out(todo, programs, options, scratch):
     """Runs the jobs; results so far and how it ended. Ctrl-C and SIGTERM end it and keep what was measured."""
-    environment = dict(os.environ)
-    if options.threads:
-        environment["RAYON_NUM_THREADS"] = str(options.threads)
+    environment = common.environment(options)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     results, done = [], []
     try:
@@ -266,7 +256,11 @@ def line(result):
     if result["failure"]:
         return f"{start}FAILED: {result['failure']}"
     known = result.get("rel_l2")
-    ratio = f"{known['corrected'] / known['denoised']:.3f} of the denoiser's, " if known and known["denoised"] else "no reference, "
+    ratio = (
+        f"{known['corrected'] / known['denoised']:.3f} of the denoiser's, "
+        if known and known["denoised"]
+        else "no reference, "
+    )
     threads = f", {result['threads']} threads" if result.get("threads") else ""
     return f"{start}{ratio}{result['wall_seconds']:.2f} s, {result['peak_rss_bytes'] / 2**20:.0f} MiB{threads}"
 
@@ -311,10 +305,5 @@ def conclude(record, ended):
     return 1 if failed else 0
 
 
-def say(words, loud=False):
-    print(words, file=sys.stderr if loud else sys.stdout, flush=True)
-
-
-def fail(words):
-    print(f"bench: {words}", file=sys.stderr)
-    raise SystemExit(2)
+def say(text, loud=False):
+    print(text, file=sys.stderr if loud else sys.stdout, flush=True)

@@ -1,4 +1,4 @@
-"""Frames made of other frames, by the example edit_exr: one of 1280 x 720 pixels to time, one with an empty half, quarters."""
+"""Frames derived from other frames by the example edit_exr: enlarged, half empty, quarters."""
 
 import dataclasses
 import struct
@@ -10,7 +10,7 @@ BEST_SOURCE = "living-room/64spp"
 
 
 class NoTool(Exception):
-    """edit_exr is not there, or failed."""
+    """edit_exr is missing or failed."""
 
 
 def source(frames):
@@ -21,7 +21,7 @@ def source(frames):
 
 
 def fourfold(frame, tool, folder):
-    """Two by two mirrored copies of a frame, to be timed alone: a copy's error says nothing new."""
+    """Two by two mirrored copies of a frame, for timing only: the error of a copy is no new information."""
     copy = made(frame, tool, folder, "2x2", lambda path: ("mirror", *(str(2 * side) for side in size(path))))
     return dataclasses.replace(copy, reference=None, shot=None)
 
@@ -37,7 +37,7 @@ def half_empty(frame, tool, folder):
 
 
 def quarter(frame, tool, folder, index):
-    """The `index`-th quarter of a frame, 0 to 3: a picture of its own, smaller and less mixed."""
+    """The `index`-th quarter of a frame, 0 to 3, as its own frame."""
 
     def crop(path):
         width, height = size(path)
@@ -50,7 +50,7 @@ def quarter(frame, tool, folder, index):
 
 
 def made(frame, tool, folder, name, arguments):
-    """The frame with every file edited; `arguments`: from a file to edit_exr's verb and numbers."""
+    """The frame with every file edited; `arguments` maps a file to edit_exr's verb and numbers."""
     if not tool.is_file():
         raise NoTool(f"no {tool.name} beside the programs: run `cargo build --release --workspace --bins --examples`")
     place = Path(folder) / f"{frame.name}-{name}".replace("/", "-")
@@ -68,8 +68,13 @@ def made(frame, tool, folder, name, arguments):
     return dataclasses.replace(frame, name=f"{frame.name}/{name}", variant=name, **files)
 
 
+def mirror(tool, source, target, width, height):
+    """Writes `target`, mirrored copies of `source`. Its noise repeats: measure time and memory on it, not quality."""
+    subprocess.run([tool, "mirror", source, target, str(width), str(height)], check=True)
+
+
 def size(path):
-    """Width and height of an OpenEXR file's (first part's) data window; raises NoTool where there is none."""
+    """Width and height of the data window of an OpenEXR file's first part; raises NoTool where there is none."""
     with open(path, "rb") as file:
         if file.read(4) != b"\x76\x2f\x31\x01":
             raise NoTool(f"{path} is not an OpenEXR file")
@@ -84,7 +89,7 @@ def size(path):
 
 
 def text(file):
-    """A string up to its zero."""
+    """A zero-terminated string."""
     letters = bytearray()
     while (letter := file.read(1)) not in (b"\0", b""):
         letters += letter

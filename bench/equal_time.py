@@ -1,8 +1,8 @@
-"""What a column's error, or its seconds, are worth in samples per pixel. Pure functions but for the tables' text.
+"""What a column's error, or its seconds, are worth in samples per pixel.
 
-The noisy picture's relL2 falls with 1 / samples. The denoiser's falls along straight lines in log-log between the
-sample counts of its scene; beyond them, and for scenes with only one, with the slope of the nearest or the median
-piece.
+The noisy picture's relL2 falls with 1 / samples. The denoiser's is interpolated linearly in log-log between the sample
+counts of its scene, and extrapolated with the nearest slope, or with the median slope of other scenes where a scene has
+only one sample count.
 """
 
 import math
@@ -16,7 +16,7 @@ class Ladder:
 
     # (samples, relL2), by increasing samples, at least one.
     steps: tuple[tuple[float, float], ...]
-    # d log(relL2) / d log(samples) where the scene's own steps do not tell; None: nothing tells.
+    # d log(relL2) / d log(samples) where the scene has only one step; None: unknown.
     usual_slope: float | None
 
     def slopes(self):
@@ -24,11 +24,11 @@ class Ladder:
         return [math.log(e1 / e0) / math.log(s1 / s0) for (s0, e0), (s1, e1) in pairs]
 
     def samples_for(self, error):
-        """Samples at which the denoiser would reach this relL2; None where nothing tells."""
+        """Samples at which the denoiser would reach this relL2; None where that is unknown."""
         slopes = self.slopes() or ([self.usual_slope] if self.usual_slope else [])
         if not slopes or any(slope >= 0 for slope in slopes) or not error > 0:
             return None
-        # The piece in which the error lies; the last one goes on for ever, and so does the first to the left.
+        # The segment that holds the error; the outer segments extend without end.
         index = next((i for i, (_, e) in enumerate(self.steps[1:]) if e <= error), len(slopes) - 1)
         samples, reached = self.steps[index]
         return samples * math.exp(math.log(error / reached) / slopes[index])
@@ -53,18 +53,18 @@ class Worth:
     frame: str
     column: str
     seconds: float
-    # How many times the samples the noisy picture would need for this error, and the denoiser.
+    # Factor on the samples that the noisy picture, and the denoiser, would need for this error.
     noisy_factor: float
     denoised_factor: float | None
-    # The denoiser's factor rests on slopes of other scenes.
+    # The denoiser's factor uses the slopes of other scenes.
     borrowed: bool
-    # Seconds for one sample per pixel of the whole frame from which on the correction is the cheaper way; None where
-    # the samples are not known.
+    # Correction is the cheaper way where one sample per pixel of the frame takes longer than this many seconds; None
+    # where the samples are unknown.
     break_even: float | None
 
 
 def worth(frame, samples, noisy, corrected, column, seconds, ladder):
-    """`noisy`, `corrected`: relL2; `ladder` of the frame's scene, None without one."""
+    """`noisy` and `corrected` are relL2; `ladder` is that of the frame's scene, None without one."""
     needed = ladder.samples_for(corrected) if ladder and samples else None
     factor = needed / samples if needed else None
     pays = factor is not None and factor > 1
@@ -82,7 +82,7 @@ def worth(frame, samples, noisy, corrected, column, seconds, ladder):
 def of_record(record):
     """Worth of every frame with a reference, a known sample count and a column that measured it.
 
-    Other denoisings of a frame are left out: their ladder is another one.
+    Other denoisings of a frame are left out: they have another ladder.
     """
     frames = [f for f in record.frames if f.variant is None and f.name in record.rows and record.rows[f.name].noisy]
     rows = record.rows
@@ -94,15 +94,18 @@ def of_record(record):
             if ratio is not None:
                 corrected = ratio * rows[frame.name].denoised
                 ladder = known.get(frame.scene)
-                out.append(worth(frame.name, frame.spp, rows[frame.name].noisy, corrected, heading, cell.seconds, ladder))
+                out.append(
+                    worth(frame.name, frame.spp, rows[frame.name].noisy, corrected, heading, cell.seconds, ladder)
+                )
     return out
 
 
 NOTE = (
-    "How many times the samples it would take to reach a column's error without it: first the denoiser, then, in brackets, the noisy picture "
-    "(relL2 falls with 1 / samples). The denoiser's is read off straight lines in log-log through the sample counts of the scene; ~ : with the "
-    "median slope of other scenes. Second line: the seconds for one sample per pixel of the whole frame above which the correction is cheaper "
-    "than the denoiser with more samples; where render times are known, a table of equal times follows."
+    "Factor on the samples that would reach a column's error without it: first for the denoiser, then, in brackets, "
+    "for the noisy picture (relL2 falls with 1 / samples). The denoiser's is interpolated in log-log between the "
+    "sample counts of the scene; ~ : with the median slope of other scenes. Second line: correction is cheaper than "
+    "more samples where one sample per pixel takes longer than this. Where render times are known, a table of equal "
+    "times follows."
 )
 
 

@@ -1,4 +1,4 @@
-"""From results to figures: one cell for a frame and a column, means over frames, equal time. Pure functions."""
+"""From results to figures: one cell per frame and column, means over frames, equal time. Pure functions."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ class Row:
 
     name: str
     pixels: int
-    # relL2 of the noisy and the denoised picture, and of their best fixed mix (None: not known).
+    # relL2 of the noisy and the denoised picture, and of their best fixed mix (None: unknown).
     noisy: float | None
     denoised: float | None
     mix: float | None
@@ -24,13 +24,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Cell:
-    """What one column did to one frame, over its seeds and repeats."""
+    """Figures of one column on one frame, over its seeds and repeats."""
 
     # relL2 over the denoiser's: geometric mean over the seeds; None without a reference.
     ratio: float | None
     # The same across the halves of the reference.
     crossed: float | None
-    # Mean of the picture over that of the reference: corrected, and denoised.
+    # Mean radiance of the picture over that of the reference: corrected, and denoised.
     brightness: float | None
     denoised_brightness: float | None
     # Whole-process wall seconds: median, least and most.
@@ -109,14 +109,14 @@ def mean_brightness(group, picture):
 
 
 def judged(frames):
-    """The frames that a mean is over: those with a reference, as denoised; the sample (a crop) only if alone."""
+    """The frames of a mean: those with a reference, as denoised; the sample (a crop) only if alone."""
     whole = [frame for frame in frames if frame.reference and frame.variant is None]
     others = [frame for frame in whole if frame.scene != SAMPLE]
     return others or whole
 
 
 def mean_over(frames, value):
-    """Geometric mean of value(frame) in which the frames of a shot count as one; None where nothing is known."""
+    """Geometric mean of value(frame), the frames of a shot counting as one; None where nothing is known."""
     groups = {}
     for frame in frames:
         known = value(frame)
@@ -128,7 +128,7 @@ def mean_over(frames, value):
 
 
 def lacking(frames, found, column):
-    """How many of the frames the column has no ratio of: its run failed, or was not made."""
+    """Number of frames for which the column has no ratio: the run failed or was not made."""
     return sum((f.name, column) not in found or found[f.name, column].ratio is None for f in frames)
 
 
@@ -143,11 +143,11 @@ def worst(frames, found, column):
 class EqualTime:
     """What a column's seconds would have bought as samples."""
 
-    # Samples per pixel after rendering for the column's seconds more; None where the frame's are not known.
+    # Samples per pixel after the column's seconds of further rendering; None where the frame's are unknown.
     spp: float | None
     factor: float
     noisy: float
-    # The denoiser's relL2 there, between (or beyond) the sample counts of the scene at hand; None with only one.
+    # The denoiser's relL2 there, inter- or extrapolated over the scene's sample counts; None with only one.
     denoised: float | None
 
 

@@ -41,7 +41,7 @@ class Frame:
         return self.name.split("/")[0]
 
     def arguments(self):
-        """What `sspc-train fit` is told about this frame."""
+        """Arguments of `sspc-train fit` for this frame."""
         named = {
             "--denoised-a": self.denoised_a,
             "--denoised-b": self.denoised_b,
@@ -59,9 +59,9 @@ def find(root):
 
 
 def render_seconds(root):
-    """Render times by frame name, from every folder's render-seconds.json: {"64spp": 41.5, "1001": 12}, the names without the folder's.
+    """Render times by frame name, from every folder's render-seconds.json: {"64spp": 41.5, "1001": 12}.
 
-    Raises ValueError where a file holds something else.
+    Names in the file leave out the folder's. Raises ValueError where a file holds something else.
     """
     found = {}
     for path in sorted(Path(root).glob(f"*/{RENDER_SECONDS}")):

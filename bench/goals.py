@@ -51,7 +51,7 @@ def verdicts(preset, frames, rows, cells):
     mean_frames = figures.judged(frames)
     mean = figures.mean_over(mean_frames, lambda f: ratio_of(cells, f.name, preset))
     lacking = figures.lacking(mean_frames, cells, preset)
-    # The goals are for whole frames of several scenes; a crop of one says little.
+    # The goals are for whole frames of several scenes, not for a crop of one.
     only_sample = all(frame.scene == SAMPLE for frame in mean_frames)
     worst = figures.worst(frames, cells, preset)
     staircase = ratio_of(cells, LADDER_FRAME, preset)
@@ -61,7 +61,9 @@ def verdicts(preset, frames, rows, cells):
         return Verdict(preset, what, f"≤ {limit:g}", text, None if value is None else value <= limit)
 
     def unless_lacking(verdict, lacking, certain=None):
-        """A figure that lacks frames, or is of the sample alone, decides nothing, but for a `certain` verdict that more frames cannot change."""
+        """A figure that lacks frames, or is of the sample alone, is undecided, save a `certain` verdict: more frames
+        could not change it.
+        """
         if verdict.met is None or not (lacking or only_sample):
             return verdict
         why = f"{lacking} lacking" if lacking else "the sample alone"
@@ -69,12 +71,11 @@ def verdicts(preset, frames, rows, cells):
 
     worst_verdict = verdict("worst frame", goal.worst, worst and worst[0], worst and f"{worst[0]:.3f} ({worst[1]})")
     with_reference = [frame for frame in frames if frame.reference]
+    harmed = False if worst_verdict.met is False else None
     return [
         unless_lacking(verdict("geometric mean, at least", goal.least, mean), lacking),
         unless_lacking(verdict("geometric mean, aim", goal.aim, mean), lacking),
-        unless_lacking(
-            worst_verdict, figures.lacking(with_reference, cells, preset), False if worst_verdict.met is False else None
-        ),
+        unless_lacking(worst_verdict, figures.lacking(with_reference, cells, preset), harmed),
         verdict(LADDER_FRAME, goal.staircase, staircase),
         beats_mix(preset, rows, cells),
         verdict("seconds, slowest frame of 640×360", goal.small_seconds, *slowest(preset, rows, cells, SMALL)),
@@ -89,7 +90,11 @@ def ratio_of(cells, name, column):
 
 def slowest(preset, rows, cells, pixels):
     """(seconds, text) of the slowest frame of that many pixels; (None, None) where there is none."""
-    known = [(cells[name, preset].seconds, name) for name, row in rows.items() if row.pixels == pixels and (name, preset) in cells]
+    known = [
+        (cells[name, preset].seconds, name)
+        for name, row in rows.items()
+        if row.pixels == pixels and (name, preset) in cells
+    ]
     if not known:
         return None, None
     seconds, name = max(known)

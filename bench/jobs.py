@@ -1,4 +1,4 @@
-"""What is to be run: every method and preset on every frame that it is for, with every seed, so many times."""
+"""What to run: every method and preset on every frame it applies to, with every seed and repeat."""
 
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -10,7 +10,7 @@ SSPC = "sspc"
 FC = "f_c"
 PAPER = "paper preset"
 TORCH = "PyTorch, paper's schedule"
-# What --methods calls them.
+# Their names on the command line (--methods).
 NAMES = {"sspc": SSPC, "fc": FC, "paper": PAPER, "torch": TORCH}
 # f_c is measured with the network, start and steps of this preset.
 FC_PRESET = "balanced"
@@ -23,13 +23,13 @@ class Method:
     name: str
     presets: tuple[str, ...]
     arguments: tuple[str, ...] = ()
-    # Globs of the frames it is run on.
+    # Globs of the frames to run it on.
     frames: tuple[str, ...] = ("*",)
-    # Seconds a run may last; None: as long as every other.
+    # Longest run in seconds; None: the common limit.
     limit: float | None = None
 
     def is_for(self, frame):
-        """Every method but ours is there to be compared, so it needs a reference.
+        """Methods other than ours only serve comparison, so they need a reference.
 
         PyTorch reads its denoised halves from the files of the halves.
         """
@@ -59,7 +59,7 @@ def column(method, preset):
 
 
 def methods(names, presets, others, steps, paper_frames=("*",), torch_frames=("*",), torch_limit=None):
-    """The methods called `names`; `others`: (name, arguments) pairs, each run with all presets.
+    """The methods called `names`, and `others`: (name, arguments) pairs, each run with all presets.
 
     `steps` shortens every fit (a trial).
     """
@@ -91,9 +91,9 @@ def jobs(frames, methods, seeds, repeats):
 
 
 def seconds_left(done, ahead):
-    """Estimate from what is done: (column, seconds) pairs; `ahead`: the columns still to run.
+    """Estimate of the remaining seconds from `done`, (column, seconds) pairs, and `ahead`, the columns still to run.
 
-    A column not seen yet is taken to last as long as the mean run; None before the first run.
+    A column not seen yet counts as the mean run; None before the first run.
     """
     if not done:
         return None

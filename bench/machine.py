@@ -1,15 +1,15 @@
-"""What a record says about the machine, the commit and the programs measured."""
+"""What a record states about the machine, the commit and the programs measured."""
 
 import hashlib
 import os
 import platform
 import subprocess
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 
 def machine(threads):
-    """Processor, cores that this process may use, threads asked for, memory, system, load before the first run."""
+    """Processor, usable cores, threads requested, memory, system, load before the first run."""
     return {
         "processor": first_value("/proc/cpuinfo", "model name") or platform.processor() or platform.machine(),
         "cores_usable": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
@@ -66,18 +66,18 @@ def commit(repository):
 
 
 def program(path, head):
-    """Fingerprint of a program, and whether it is older than the commit it is said to be."""
+    """Fingerprint of a program, and whether it was built before the commit."""
     status = path.stat()
     return {
         "name": path.name,
         "sha256": fingerprint(path),
-        "built": datetime.fromtimestamp(status.st_mtime, timezone.utc).isoformat(timespec="seconds"),
+        "built": datetime.fromtimestamp(status.st_mtime, UTC).isoformat(timespec="seconds"),
         "older_than_commit": head["time"] is not None and status.st_mtime < head["time"],
     }
 
 
 def fingerprint(path):
-    """Piece by piece: a child's peak memory begins with what this process held when it was started."""
+    """Reads in pieces: a child's peak memory starts at what this process holds when it forks."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()[:16]
 

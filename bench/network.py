@@ -1,10 +1,9 @@
-"""The network by four engines on the same features, g_c alone, and `sspc-infer run` file to file, in one run.
+"""The network in four engines on the same features, g_c alone, and `sspc-infer run` file to file, in one run.
 
-Answers are compared before a time is believed: onnxruntime's and PyTorch's parameters with ours, to 1e-4 of a channel's
-largest value. Times are the least of the repeats; core-seconds are what to compare on a machine that does other things too.
+A time counts only if the answer is right: the parameters of onnxruntime and PyTorch must equal ours to 1e-4 of a
+channel's largest value. Times are the minimum of the repeats; on a busy machine compare core-seconds.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -12,18 +11,21 @@ import tempfile
 import time
 from pathlib import Path
 
-from . import machine
+from . import common, derived, machine
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = common.REPOSITORY
+DESCRIPTION = f"""\
+Measures the network in four engines on the same features, g_c alone, and `sspc-infer run` file to file.
+Build the programs first: `{common.BUILD}`.
+Run it with the interpreter that .ci/setup-python prints."""
 # Rows of the parameters that engine_speed writes are this far apart.
 ROW_STEP = 97
 # Nine layers of f32 sums in another order, then activations; of a channel's largest value.
 TOLERANCE = 1e-4
-GOAL_RUN_SECONDS = 1.5
 
 
 class WrongAnswer(Exception):
-    """An engine that computes something else."""
+    """An engine computes something else."""
 
 
 def made_up_features(height, width):
@@ -128,9 +130,8 @@ def engine_table(lines, height, width):
             continue
         rate = line["gflop"] / line["core_seconds"]
         ratio = "" if line["name"].startswith("g_c") else f"{line['core_seconds'] / ort:.2f}"
-        table.append(
-            f"| {line['name']} | {line['seconds']:.2f} | {line['core_seconds']:.2f} | {ratio} | {rate:.0f} | {rate / most:.0%} |"
-        )
+        times = f"{line['seconds']:.2f} | {line['core_seconds']:.2f}"
+        table.append(f"| {line['name']} | {times} | {ratio} | {rate:.0f} | {rate / most:.0%} |")
     return "\n".join(table)
 
 
@@ -171,43 +172,32 @@ def run_table(report):
 
 
 def model_for(programs, folder):
-    """An untrained model of use: near z plus a smoothed residual."""
+    """An untrained model: z plus a smoothed residual."""
     subprocess.run([programs / "examples/write_graphs", folder, "gated"], check=True)
     return Path(folder, "network.onnx")
 
 
-def size(text):
-    """WIDTHxHEIGHT as (height, width)."""
-    width, height = text.lower().split("x")
-    return int(height), int(width)
-
-
-def enlarge(programs, source, target, height, width):
-    """Writes `target`, made of mirrored copies of `source`: speed and memory can be measured on it, quality cannot."""
-    subprocess.run([programs / "examples" / "edit_exr", "mirror", source, target, str(width), str(height)], check=True)
-
-
 def main(arguments=None):
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="Build first: cargo build --release --workspace --examples --bins. Run by the interpreter that .ci/setup-python prints.",
+    parser = common.parser("bench/network", DESCRIPTION)
+    default = common.sizes("1280x720,3840x2160")
+    parser.add_argument(
+        "--sizes", type=common.sizes, default=default, metavar="WxH,WxH", help="default 1280x720,3840x2160"
     )
-    target = os.environ.get("CARGO_TARGET_DIR", ROOT / "target")
-    parser.add_argument("--programs", type=Path, default=Path(target, "release"), help="folder of the release build")
-    parser.add_argument("--sizes", type=size, nargs="*", default=[(720, 1280), (2160, 3840)], metavar="WIDTHxHEIGHT")
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--threads", type=int, default=len(os.sched_getaffinity(0)))
-    parser.add_argument("--source", type=Path, default=ROOT / "tests/data/sample", help="frame that is made large")
+    parser.add_argument("--repeats", type=common.positive, default=3, metavar="N", help="default 3")
     options = parser.parse_args(arguments)
-    programs = options.programs.resolve()
+    threads = options.threads or len(os.sched_getaffinity(0))
+    programs = common.program(options, "sspc-infer").parent
 
-    about, head = machine.machine(options.threads), machine.commit(ROOT)
-    print(f"{about['processor']}, {options.threads} threads, load {about['load_average_before'][0]}, commit {head['hash']}\n")
-    for height, width in options.sizes:
-        print(engine_table(measure_engines(programs, height, width, options.repeats, options.threads), height, width) + "\n")
+    about, head = machine.machine(threads), machine.commit(ROOT)
+    load = about["load_average_before"][0]
+    print(f"{about['processor']}, {threads} threads, load {load}, commit {head['hash']}\n")
+    for width, height in options.sizes:
+        lines = measure_engines(programs, height, width, options.repeats, threads)
+        print(engine_table(lines, height, width) + "\n")
         with tempfile.TemporaryDirectory() as folder:
             for name in ("a.exr", "b.exr", "denoised.exr"):
-                enlarge(programs, options.source / name, Path(folder, name), height, width)
+                source = ROOT / "tests/data/sample" / name
+                derived.mirror(programs / "examples/edit_exr", source, Path(folder, name), width, height)
             model = model_for(programs, folder)
-            print(run_table(measure_run(programs, folder, model, options.repeats, options.threads)) + "\n")
+            print(run_table(measure_run(programs, folder, model, options.repeats, threads)) + "\n")
     return 0

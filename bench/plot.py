@@ -28,7 +28,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Level:
-    """A picture that costs no seconds here: a horizontal line. A plot has two at most."""
+    """A picture that takes no time here: a horizontal line. A plot has at most two."""
 
     name: str
     ratio: float
@@ -78,19 +78,25 @@ def svg(title, subtitle, series, levels, notes=()):
         body += legend(index, *entry)
     for index, note in enumerate(notes, len(entries)):
         body.append(text(WIDTH - RIGHT + 47, TOP + 14 + 20 * index, note, colour="#666"))
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="13">'
-    return "\n".join([head, *body, "</svg>", ""])
+    return document(WIDTH, HEIGHT, body)
+
+
+def document(width, height, body):
+    """An SVG file on white of these elements."""
+    size = f'viewBox="0 0 {width} {height}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif" font-size="13">'
+    return "\n".join([head, f'<rect width="{width}" height="{height}" fill="white"/>', *body, "</svg>", ""])
 
 
 def text(x, y, words, anchor="start", colour="#222", size=13, extra=""):
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{colour}" font-size="{size}"{extra}>{escape(words)}</text>'
+    style = f'text-anchor="{anchor}" fill="{colour}" font-size="{size}"{extra}'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {style}>{escape(words)}</text>'
 
 
 def frame(title, subtitle):
     middle = (TOP + HEIGHT - BOTTOM) / 2
     turned = f' transform="rotate(-90 22 {middle:.1f})"'
     return [
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
         text(LEFT, 28, title, size=17),
         text(LEFT, 48, subtitle, colour="#555", size=12),
         text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 22, "seconds, file to file (log)", "middle"),

@@ -1,4 +1,4 @@
-"""The record: everything as JSON, tables as Markdown, the plot as SVG."""
+"""The record: all figures as JSON, tables as Markdown, plots as SVG."""
 
 import json
 from dataclasses import asdict
@@ -45,8 +45,10 @@ class Record:
         return json.dumps(everything, indent=1) + "\n"
 
     def pictures(self):
-        """Plots by the end of their names: of the columns that the frames of the mean have; where columns are left out, of
-        all columns over the frames that all have; of the predictions. None for one without a point.
+        """Plots by the suffix of their names, None for one without a point.
+
+        `.svg`: the columns that all frames of the mean have. `-all.svg`, where that leaves out columns: all columns,
+        over the frames that all have. `-estimates.svg`: the predictions.
         """
         judged = figures.judged(self.frames)
         measured = [c for c in self.columns if any((f.name, c[0]) in self.cells for f in self.frames)]
@@ -121,10 +123,10 @@ class Record:
         def image(name, suffix):
             return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
 
-        estimates = f"{stem}-estimates.svg"
+        commit, estimates = self.about["commit"]["hash"], f"{stem}-estimates.svg"
         same = same_work.text(self, table)
         parts = [
-            f"# Benchmark of {self.about['date'][:10]}, commit {self.about['commit']['hash']}{self.dirty(' with changes')}",
+            f"# Benchmark of {self.about['date'][:10]}, commit {commit}{self.dirty(' with changes')}",
             self.failures(),
             self.about_text(),
             image("relL2 against seconds", ".svg"),
@@ -137,7 +139,8 @@ class Record:
             "## Where the seconds go\n\n" + self.split_table(),
             "## The same work in PyTorch\n\n" + same if same else "",
             "## Equal error, equal time\n\n" + self.equal_time_text(),
-            "## Predicted and true error\n\n" + calibration.text(self.results, table, estimates if estimates in pictures else None),
+            "## Predicted and true error\n\n"
+            + calibration.text(self.results, table, estimates if estimates in pictures else None),
         ]
         return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -145,7 +148,7 @@ class Record:
         failed = [r for r in self.results if r["failure"]]
         lines = [f"- {r['frame']}, {r['column']}, seed {r['seed']}: {r['failure']}" for r in failed]
         lines += [f"- {problem}" for problem in self.about["problems"]]
-        return "\n".join(["**Not all is well:**", *lines]) if lines else ""
+        return "\n".join(["**Problems:**", *lines]) if lines else ""
 
     def about_text(self):
         about, machine = self.about, self.about["machine"]
@@ -154,8 +157,8 @@ class Record:
         lines = [
             f"- Machine: {machine['processor']}; {machine['cores_usable']} of {machine['cores_present']} cores usable, "
             f"{' and '.join(map(str, threads)) or 'unknown'} threads used; memory {memory}; {machine['system']}",
-            f"- Load average (1, 5, 15 min) before {spaced(machine['load_average_before'])}, after {spaced(about['load_average_after'])}; "
-            "what else ran then is in every second below",
+            f"- Load average (1, 5, 15 min) before {spaced(machine['load_average_before'])}, "
+            f"after {spaced(about['load_average_after'])}; other load is part of the seconds below",
             f"- Commit {about['commit']['hash']}{self.dirty(', working tree changed')}; "
             + "; ".join(f"{p['name']} built {p['built']} (SHA-256 {p['sha256']}…)" for p in about["programs"]),
             f"- Command: `{about['command']}`",
@@ -171,8 +174,9 @@ class Record:
             return "Not judged: no preset that has goals was run."
         over = figures.judged(self.frames)
         note = (
-            f"Means are geometric, over {self.count(over)} with a reference, as denoised (other denoisings of the same halves left out; "
-            "the frames of a shot count as one); the worst is over every frame and denoising. The goals are for two cores."
+            f"Means are geometric, over {self.count(over)} with a reference, as denoised (without other denoisings of "
+            "the same halves; the frames of a shot count as one); the worst is over every frame and denoising. The "
+            "goals are for two cores."
         )
         body = [[v.preset, v.what, v.goal, v.found, v.word] for v in verdicts]
         return note + "\n\n" + table(["preset", "what", "goal", "found", ""], body)
@@ -195,8 +199,8 @@ class Record:
             body.append(self.mean_row("geometric mean, every row (a shot as one)", measured))
         body.append(["**worst frame**", "", "", "", *(self.worst_text(h) for h in headings)])
         note = (
-            "noisy, mix and all right of it: ratios to the denoiser's relL2 on the full buffer, which is absolute. "
-            "mix: the best that any fixed mix of noisy and denoised could do. = : the output is the denoiser's (fallback)."
+            "All columns but `denoised` are ratios to the denoiser's relL2 on the full buffer. mix: the best fixed mix "
+            "of noisy and denoised. = : the output is the denoiser's (fallback)."
         )
         return note + "\n\n" + table(["frame", "noisy", "denoised (absolute)", "mix", *headings], body)
 
@@ -214,9 +218,9 @@ class Record:
         means = [figures.mean_over(over, lambda f, h=h: self.crossed(f.name, h)) for h in headings]
         body.append([f"**geometric mean, {self.count(over)}**", *map(number, means)])
         note = (
-            "relL2's denominator holds the noise of the reference: where it is dark by chance a pixel counts more, so pictures darker "
-            "than the truth look better than they are, the more so the noisier the reference. Here each half of the reference is "
-            "compared with under the denominator of the other half, and the gain on the denoised picture is free of that."
+            "The denominator of relL2 contains the reference's noise: a pixel that is dark by chance counts more, "
+            "which favours pictures that are too dark. Here each half of the reference is the target under the "
+            "denominator of the other half, so the gain over the denoised picture is unbiased."
         )
         return note + "\n\n" + table(["frame", *headings], body)
 
@@ -232,7 +236,7 @@ class Record:
             if known:
                 corrected = [percent(cell and cell.brightness) for cell in cells_of(frame)]
                 body.append([frame.name, percent(known[0].denoised_brightness), *corrected])
-        note = "Mean of the picture against that of the reference, in per cent: 0 is all the energy, less is darker."
+        note = "Mean radiance of the picture relative to the reference, in per cent; negative is darker."
         return note + "\n\n" + table(["frame", "denoised", *headings], body) if body else "Not measured."
 
     def mean_row(self, title, frames):
@@ -261,27 +265,33 @@ class Record:
         for frame in self.frames:
             row = self.rows.get(frame.name)
             if row:
-                body.append([frame.name, f"{row.pixels / 1000:.0f} k", *(self.seconds_text(frame.name, h) for h in headings)])
-        note = "Whole process by the wall clock; median of the runs (least to most), processor seconds of all threads, most memory, steps."
+                cells = (self.seconds_text(frame.name, h) for h in headings)
+                body.append([frame.name, f"{row.pixels / 1000:.0f} k", *cells])
+        note = (
+            "Wall clock of the whole process, median of the runs (minimum to maximum); processor seconds of all "
+            "threads; peak memory; steps."
+        )
         return note + "\n\n" + table(["frame", "pixels", *headings], body)
 
     def seconds_text(self, name, heading):
         cell = self.cells.get((name, heading))
         if cell is None:
             return "-"
-        spread = f" ({cell.least_seconds:.2f} to {cell.most_seconds:.2f})" if cell.most_seconds > cell.least_seconds else ""
+        least, most = cell.least_seconds, cell.most_seconds
+        spread = f" ({least:.2f} to {most:.2f})" if most > least else ""
         steps = f", {cell.steps} steps" if cell.steps is not None else ""
         return f"{cell.seconds:.2f}{spread}, cpu {cell.cpu_seconds:.1f}, {cell.peak_rss_bytes / 2**20:.0f} MiB{steps}"
 
     def split_table(self):
-        """Mean seconds of the stages, as the program itself tells them, over the runs of a column."""
-        body = []
+        """Mean seconds of the stages, as the program reports them, over the runs of a column."""
+        stages, body = ("read", "train", "correct", "write", "total"), []
+        timed = [result for result in figures.succeeded(self.results) if result.get("seconds")]
         for heading, _, _ in self.columns:
-            splits = [r["seconds"] for r in figures.succeeded(self.results) if r["column"] == heading and r.get("seconds")]
+            splits = [result["seconds"] for result in timed if result["column"] == heading]
             if splits:
-                stages = [sum(s.get(key, 0.0) for s in splits) / len(splits) for key in ("read", "train", "correct", "write", "total")]
-                body.append([heading, *(f"{value:.2f}" for value in stages)])
-        return table(["mean over the runs", "read", "train", "correct", "write", "total"], body) if body else "No run told."
+                means = [sum(split.get(stage, 0.0) for split in splits) / len(splits) for stage in stages]
+                body.append([heading, *(f"{value:.2f}" for value in means)])
+        return table(["mean over the runs", *stages], body) if body else "Not reported by any run."
 
     def equal_times(self):
         """Figures for every frame and column whose render time is known."""
@@ -299,8 +309,8 @@ class Record:
                 ratio, cell = self.ratio(frame.name, heading), self.cells.get((frame.name, heading))
                 if ratio is not None:
                     bought = figures.equal_time(row, frame.spp, seconds, cell.seconds, ladder)
-                    corrected = {"frame": frame.name, "column": heading, "render_seconds": seconds, "corrected": ratio * row.denoised}
-                    out.append(corrected | asdict(bought))
+                    about = {"frame": frame.name, "column": heading, "render_seconds": seconds}
+                    out.append(about | {"corrected": ratio * row.denoised} | asdict(bought))
         return out
 
     def equal_time_text(self):
@@ -309,14 +319,15 @@ class Record:
         if not figures_of:
             return needed
         note = (
-            "What the column's seconds would have bought as samples: the noisy picture's relL2 falls with 1 / samples; the denoiser's is read "
-            "off a straight line in log-log through the sample counts of the scene (- with only one). All relL2 absolute."
+            "What the column's seconds would buy as samples: the noisy picture's relL2 falls with 1 / samples; the "
+            "denoiser's is interpolated in log-log between the sample counts of the scene (- with only one). All relL2 "
+            "absolute."
         )
         headings = ["frame", "column", "render s", "samples ×", "noisy then", "denoised then", "corrected"]
-        body = [
-            [e["frame"], e["column"], f"{e['render_seconds']:g}", number(e["factor"], 2), number(e["noisy"], 5), number(e["denoised"], 5), number(e["corrected"], 5)]
-            for e in figures_of
-        ]
+        body = []
+        for e in figures_of:
+            errors = [number(e[key], 5) for key in ("noisy", "denoised", "corrected")]
+            body.append([e["frame"], e["column"], f"{e['render_seconds']:g}", number(e["factor"], 2), *errors])
         return needed + "\n\n" + note + "\n\n" + table(headings, body)
 
 

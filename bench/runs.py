@@ -1,4 +1,4 @@
-"""Runs one job as a whole process, file to file, and checks the answer it times."""
+"""Runs one job as a whole process, file to file, and checks its answer."""
 
 import json
 import os
@@ -12,16 +12,16 @@ from pathlib import Path
 
 from .jobs import TORCH
 
-# corrected.exr holds half floats: relative rounding of a value is at most 2^-11, and rounding errors of either sign
-# almost cancel in relL2, so that more than this between report.json and the file written means a wrong answer.
+# corrected.exr holds half floats, which round by at most 2^-11, and rounding errors nearly cancel in relL2: a larger
+# difference between report.json and the file means a wrong answer.
 FILE_TOLERANCE = 1e-3
 
-# Its tensors are small: a second thread adds more processor seconds than it saves.
+# PyTorch's tensors are small here: a second thread costs more processor seconds than it saves.
 TORCH_THREADS = 1
 
 
 class Failed(Exception):
-    """A run that did not end well, or whose answer is not what it says."""
+    """A run failed, or its answer is not what it reports."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Programs:
     infer: Path
     # The example that derives frames.
     edit: Path
-    # Interpreter with PyTorch, and the folder of the reference implementation.
+    # Interpreter with PyTorch.
     python: Path | None
     reference_py: Path
 
@@ -46,7 +46,7 @@ class Process:
 
 
 def run_process(command, environment, limit, cwd=None):
-    """Runs a command to its end, at most `limit` seconds; time, memory and exit code of that process alone."""
+    """Runs a command for at most `limit` seconds; returns time, memory and exit code of that process alone."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         begin = time.perf_counter()
         process = subprocess.Popen(command, stdout=out, stderr=err, env=environment, cwd=cwd)
@@ -55,7 +55,7 @@ def run_process(command, environment, limit, cwd=None):
         try:
             _, status, usage = os.wait4(process.pid, 0)
         except KeyboardInterrupt:
-            # A terminal sends Ctrl-C to the child too; a signal to this process alone does not reach it.
+            # A terminal sends Ctrl-C to the child as well, but a signal to this process alone does not reach it.
             process.terminate()
             process.wait()
             raise
@@ -73,7 +73,7 @@ def run_process(command, environment, limit, cwd=None):
 
 
 def run_job(job, programs, folder, environment, limit):
-    """Runs a job with its output in `folder`; a result for the record, with the reason in `failure` if it failed."""
+    """Runs a job with its output in `folder`; returns its entry in the record, with the reason if it failed."""
     result = {
         "frame": job.frame.name,
         "method": job.method.name,
@@ -124,7 +124,7 @@ def fit(job, programs, folder, environment, limit):
 
 
 def of_report(report):
-    """What a record keeps of report.json: everything but the files' paths, the loss of every tenth of the steps."""
+    """What a record keeps of report.json: all but the paths, and the loss at every tenth of the steps only."""
     kept = {key: value for key, value in report.items() if key not in ("roles", "history", "rel_l2")}
     history = report.get("history", [])
     every = max(len(history) // 10, 1)
@@ -144,8 +144,8 @@ def of_report(report):
 def torch(job, programs, folder, environment, limit):
     """The reference implementation with the paper's schedule; it prints relL2 as JSON lines.
 
-    It is not given the full buffer's denoised picture, from which it would make a second, unpaid-for correction;
-    relL2 of that picture is left to `check`.
+    It is not given the denoised full buffer, which it would correct as well, outside the comparison; `check` measures
+    relL2 of that picture.
     """
     folder.mkdir(parents=True, exist_ok=True)
     frame = job.frame
@@ -165,9 +165,9 @@ def torch(job, programs, folder, environment, limit):
 
 
 def check(job, programs, folder, environment, limit, result):
-    """Measures corrected.exr with the other program; raises where it is not what the run said.
+    """Measures corrected.exr with sspc-infer; raises Failed where the figures differ from the run's.
 
-    A relL2 that the run left out (None) is filled in.
+    Fills in a relL2 that the run left out (None).
     """
     command = [str(programs.infer), "evaluate", str(folder / "corrected.exr"), "--json"]
     command += ["--reference", str(job.frame.reference)]
@@ -200,7 +200,7 @@ def agrees(said, found):
 
 
 def repeats_agree(result, earlier):
-    """A fit with the same seed must give the same picture; the reason why not, or None."""
+    """None if an earlier fit with the same seed gave the same picture, else a description of the difference."""
     key = ("frame", "column", "seed")
     for other in earlier:
         same = all(other[k] == result[k] for k in key) and not other["failure"]

@@ -1,7 +1,9 @@
 """Predicted against true values on log axes, a panel for errors and one for gains, as a plain SVG."""
 
+from xml.sax.saxutils import escape
+
 from . import calibration
-from .plot import COLOURS, Axis, text
+from .plot import COLOURS, Axis, document, text
 
 WIDTH, HEIGHT = 1080, 560
 TOP, BOTTOM, SIDE = 80, 490, 410
@@ -19,15 +21,13 @@ def svg(title, subtitle, predictions):
     if not any(points for _, points in panels):
         return None
     body = [
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
         text(LEFTS[0], 28, title, size=17),
         text(LEFTS[0], 48, subtitle, colour="#555", size=12),
     ]
     for left, (name, points) in zip(LEFTS, panels):
         if points:
             body += panel(left, name, points)
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="13">'
-    return "\n".join([head, *body, "</svg>", ""])
+    return document(WIDTH, HEIGHT, body)
 
 
 def panel(left, name, points):
@@ -45,7 +45,8 @@ def panel(left, name, points):
         out += mark(p, x, y)
     out.append(text(left + SIDE / 2, BOTTOM + 42, f"true {name} (log)", "middle"))
     middle = (TOP + BOTTOM) / 2
-    out.append(text(left - 54, middle, "predicted (log)", "middle", extra=f' transform="rotate(-90 {left - 54} {middle:.1f})"'))
+    turned = f' transform="rotate(-90 {left - 54} {middle:.1f})"'
+    out.append(text(left - 54, middle, "predicted (log)", "middle", extra=turned))
     for index, what in enumerate(dict.fromkeys(p.what for p in points)):
         out.append(text(left + 10, TOP + 18 + 18 * index, what, colour=MARKS[what], size=12))
     return out
@@ -54,7 +55,8 @@ def panel(left, name, points):
 def mark(p, x, y):
     """A point with its standard error; at the lower border, a triangle, where the prediction is 0 or below."""
     colour, at, clamp = MARKS[p.what], x.at(p.truth), lambda v: min(max(v, TOP), BOTTOM)
-    label = f"<title>{p.frame}, {p.column}: predicted {p.predicted:.3g}, true {p.truth:.3g}</title>".replace("&", "&amp;")
+    words = f"{p.frame}, {p.column}: predicted {p.predicted:.3g}, true {p.truth:.3g}"
+    label = f"<title>{escape(words)}</title>"
     if p.predicted <= 0:
         corners = f"{at - 5:.1f},{BOTTOM - 10} {at + 5:.1f},{BOTTOM - 10} {at:.1f},{BOTTOM}"
         return [f'<polygon points="{corners}" fill="none" stroke="{colour}">{label}</polygon>']
@@ -62,7 +64,10 @@ def mark(p, x, y):
     if p.standard_error:
         low, high = p.predicted - p.standard_error, p.predicted + p.standard_error
         out.append(line(at, clamp(y.at(low)) if low > 0 else BOTTOM, at, clamp(y.at(high)), colour))
-    return [*out, f'<circle cx="{at:.1f}" cy="{y.at(p.predicted):.1f}" r="4" fill="{colour}" fill-opacity="0.6">{label}</circle>']
+    return [
+        *out,
+        f'<circle cx="{at:.1f}" cy="{y.at(p.predicted):.1f}" r="4" fill="{colour}" fill-opacity="0.6">{label}</circle>',
+    ]
 
 
 def line(x1, y1, x2, y2, colour, extra=""):

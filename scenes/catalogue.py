@@ -21,7 +21,9 @@ SCENES = {
     scene.name: scene
     for scene in (
         Scene("door-crack", "mitsuba", "textured room lit through the crack of a door: all light is indirect"),
-        Scene("sun-and-metal", "mitsuba", "rough metal and gloss on a checker floor under a small, bright sun: fireflies"),
+        Scene(
+            "sun-and-metal", "mitsuba", "rough metal and gloss on a checker floor under a small, bright sun: fireflies"
+        ),
         Scene("glass-table", "mitsuba", "caustics of glass on fine weave: bright rare paths over texture"),
         Scene("fog", "mitsuba", "homogeneous fog, a lamp and coloured lights: features that do not see the noise"),
         Scene("many-lights", "mitsuba", "some hundred small coloured lights, shadows of columns and gratings"),

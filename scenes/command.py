@@ -1,10 +1,11 @@
-"""The command: which frames are lacking, who renders them, and progress."""
+"""The command line: which frames are missing, who renders them, and progress."""
 
 import argparse
 import signal
 import sys
 import time
 import zlib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,9 @@ Cycles, denoises them with OIDN and leaves frames with references:
     scenes/render OUT
     bench/run --frames OUT
 
-Files that are there are kept, so an interrupted run goes on where it was. What it needs: scenes/README.md."""
+Existing files are kept, so an interrupted run resumes. Requirements: scenes/README.md."""
 
-# Samples of one pass: between passes progress is printed, and Mitsuba's memory is bounded (Cycles prepares every pass anew).
+# Samples per pass. Progress is printed between passes; small ones bound Mitsuba's memory, Cycles prepares each anew.
 PASS_SPP = {"mitsuba": 16, "cycles": 128}
 
 
@@ -34,7 +35,7 @@ def main(arguments=None):
             say(f"{scene.name:14} {scene.renderer:8} {scene.hard}")
         return 0
     if not options.output:
-        parser.error("say the folder OUT")
+        parser.error("OUT is missing")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for name in options.scene or SCENES:
@@ -49,13 +50,13 @@ def main(arguments=None):
 
 
 def render_scene(scene, options):
-    """Renders what is lacking of one scene."""
+    """Renders the missing files of one scene."""
     folder = options.output / scene.name
     lacking = [spp for spp in options.spp if not frame.has_frame(folder, spp)]
     reference_spp = scene.reference_spp if options.reference_spp is None else options.reference_spp
     reference = reference_spp > 0 and not (folder / "ref.exr").is_file()
     if not lacking and not reference:
-        return say(f"{scene.name}: nothing lacking")
+        return say(f"{scene.name}: complete")
     with Worker(scene.renderer, scene.name, options.size, scene.depth, options.threads) as worker:
         for spp in lacking:
             halves = [render_half(worker, scene, f"{spp} spp, half {half},", spp // 2, spp, half) for half in "ab"]
@@ -68,8 +69,10 @@ def render_scene(scene, options):
 
 
 def render_reference(worker, scene, spp, folder, size):
-    """Radiance of both halves of the reference, (height, width, 3), from `spp` samples each. Sums of the passes are kept
-    in the scene's folder, so that an interrupted reference goes on where it was."""
+    """Radiance of both halves of the reference, (height, width, 3), from `spp` samples each.
+
+    The sums of the passes are kept in the scene's folder, so that an interrupted reference resumes.
+    """
     kept, begin = partial_reference(folder), time.perf_counter()
     done, sums = 0, np.zeros((2, size[1], size[0], 3))
     if kept.is_file():
@@ -82,7 +85,7 @@ def render_reference(worker, scene, spp, folder, size):
         for index, half in enumerate("ab"):
             sums[index] += samples * worker.render(samples, seed_of(scene.name, "reference", half, done))["color"]
         done += samples
-        frame.replace(kept, lambda path: np.savez(path, done=done, sums=sums))
+        frame.replace(kept, partial(np.savez, done=done, sums=sums))
         progress(scene, "reference, halves of", done, spp, before, begin)
     return sums / spp
 
@@ -92,7 +95,7 @@ def partial_reference(folder):
 
 
 def render_half(worker, scene, label, spp, *key):
-    """Buffers of one half, (height, width, channels) by role, from passes with seeds of their own."""
+    """Buffers of one half, (height, width, channels) by role; every pass has its own seed."""
     begin, total, done = time.perf_counter(), {}, 0
     while done < spp:
         samples = min(PASS_SPP[scene.renderer], spp - done)
@@ -105,14 +108,14 @@ def render_half(worker, scene, label, spp, *key):
 
 
 def progress(scene, label, done, spp, before, begin):
-    """A line: samples done of all, seconds since `begin`, when `before` samples were done, and seconds left."""
+    """Prints samples done, seconds since `begin` (when `before` samples were done), and seconds left."""
     seconds = time.perf_counter() - begin
     left = seconds / (done - before) * (spp - done)
     say(f"{scene.name}: {label} {done} of {spp} samples, {seconds:.0f} s, {left:.0f} s left")
 
 
 def seed_of(*key):
-    """A seed for these words, the same in every run; never that of another half, pass or sample count but by rare chance."""
+    """A seed for this key, the same in every run; other halves, passes and sample counts get other seeds."""
     return zlib.crc32(repr(key).encode()) & 0x7FFFFFFF
 
 
@@ -121,12 +124,29 @@ def command_line():
         prog="scenes/render", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("output", type=Path, nargs="?", metavar="OUT", help="folder for the scenes' folders")
-    parser.add_argument("--scene", action="append", choices=list(SCENES), metavar="NAME", help="only this scene; repeatable (--list names them)")
-    parser.add_argument("--spp", type=even_numbers, default=[16, 64], metavar="16,64", help="samples of frames in total; each half has half (default 16,64)")
+    parser.add_argument(
+        "--scene",
+        action="append",
+        choices=list(SCENES),
+        metavar="NAME",
+        help="only this scene; repeatable (--list names them)",
+    )
+    parser.add_argument(
+        "--spp",
+        type=even_numbers,
+        default=[16, 64],
+        metavar="16,64",
+        help="samples per frame, both halves together (default 16,64)",
+    )
     parser.add_argument("--size", type=size, default=(480, 270), metavar="WxH", help="pixels (default 480x270)")
-    parser.add_argument("--reference-spp", type=int, metavar="N", help="samples of the reference, 0: none (default: the scene's own, 512 or 1024)")
-    parser.add_argument("--threads", type=int, metavar="N", help="threads of the renderers (default: one a core)")
-    parser.add_argument("--list", action="store_true", help="name the scenes and end")
+    parser.add_argument(
+        "--reference-spp",
+        type=int,
+        metavar="N",
+        help="samples of the reference, 0: none (default: the scene's own, 512 or 1024)",
+    )
+    parser.add_argument("--threads", type=int, metavar="N", help="threads of the renderers (default: one per core)")
+    parser.add_argument("--list", action="store_true", help="list the scenes and exit")
     return parser
 
 

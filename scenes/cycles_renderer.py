@@ -53,5 +53,9 @@ class Renderer:
 
 def plane_of(channels, name, letters):
     """Channels of the pass `name`, by the last part of theirs; a view layer's name stands before it."""
-    found = {key.rpartition(".")[2]: pixels for key, pixels in channels.items() if key.rpartition(".")[0].endswith(f".{name}")}
+    found = {
+        key.rpartition(".")[2]: pixels
+        for key, pixels in channels.items()
+        if key.rpartition(".")[0].endswith(f".{name}")
+    }
     return np.stack([found[letter] for letter in letters], -1).astype(np.float64)

@@ -20,8 +20,17 @@ def fur_and_cloth():
     wall.rotation_euler = (math.radians(90), 0, 0)
     hair_ball("brown", (-0.75, 0.1, 0.75), 0.55, (0.35, 0.16, 0.06), strands=9000, seed=1)
     hair_ball("white", (0.85, 1.1, 0.65), 0.45, (0.80, 0.76, 0.68), strands=7000, seed=2)
-    ball((0.35, -0.75, 0.3), 0.3, principled("stripes", textures.weave(512, 24, (0.8, 0.2, 0.1), (0.9, 0.85, 0.7)), repeat=4, roughness=0.4))
-    cube((-1.9, 1.4, 0.5), (0.5, 0.5, 0.5), principled("crate", textures.planks(512, 6), repeat=1, roughness=0.6), turn=25)
+    ball(
+        (0.35, -0.75, 0.3),
+        0.3,
+        principled("stripes", textures.weave(512, 24, (0.8, 0.2, 0.1), (0.9, 0.85, 0.7)), repeat=4, roughness=0.4),
+    )
+    cube(
+        (-1.9, 1.4, 0.5),
+        (0.5, 0.5, 0.5),
+        principled("crate", textures.planks(512, 6), repeat=1, roughness=0.6),
+        turn=25,
+    )
     area_light((2.5, -2.5, 4.0), (0, 0, 0.4), size=0.8, watts=420)
     sky((0.30, 0.38, 0.50), 0.35)
     camera((0.3, -5.2, 2.0), (0, 0.2, 0.55), lens=45, focus=5.4, aperture=1.2)
@@ -34,13 +43,24 @@ def motion():
     wall.rotation_euler = (math.radians(90), 0, 0)
     wheel = cube((-1.5, 0.3, 0.9), (0.6, 0.6, 0.6), principled("terrazzo", textures.speckle(), repeat=1, roughness=0.5))
     move(wheel, (0.0, 0, 0), (0.3, 0.9, 0.5))
-    runner = ball((0.4, -0.3, 0.45), 0.45, principled("checks", textures.checker(512, 10, (0.8, 0.25, 0.1), (0.85, 0.8, 0.7)), repeat=2, roughness=0.2))
+    runner = ball(
+        (0.4, -0.3, 0.45),
+        0.45,
+        principled("checks", textures.checker(512, 10, (0.8, 0.25, 0.1), (0.85, 0.8, 0.7)), repeat=2, roughness=0.2),
+    )
     move(runner, (1.1, 0.1, 0.0), (0, 1.5, 0))
     metal = ball((1.9, 0.9, 0.55), 0.55, principled("metal", (0.9, 0.7, 0.4), roughness=0.15, metallic=1.0))
     move(metal, (0.0, 0.0, 0.5), (0, 0, 0))
-    flag = cube((-0.1, 1.6, 1.5), (0.8, 0.02, 0.5), principled("flag", textures.weave(512, 40), repeat=1, roughness=0.8))
+    flag = cube(
+        (-0.1, 1.6, 1.5), (0.8, 0.02, 0.5), principled("flag", textures.weave(512, 40), repeat=1, roughness=0.8)
+    )
     move(flag, (-0.5, 0.2, 0.25), (0.2, 0, 0.8))
-    still = cube((-0.6, -1.4, 0.2), (0.4, 0.2, 0.2), principled("still", textures.planks(512, 5), repeat=1, roughness=0.5), turn=-20)
+    still = cube(
+        (-0.6, -1.4, 0.2),
+        (0.4, 0.2, 0.2),
+        principled("still", textures.planks(512, 5), repeat=1, roughness=0.5),
+        turn=-20,
+    )
     still.name = "still"
     area_light((-3, -2.5, 4.5), (0, 0, 0.5), size=1.0, watts=320)
     area_light((3.5, -1.0, 2.5), (0, 0.5, 0.8), size=0.4, watts=70)
@@ -57,9 +77,21 @@ def product():
     wall = plane((0, 3, 2), 6, principled("paper", (0.75, 0.74, 0.72), roughness=0.9))
     wall.rotation_euler = (math.radians(90), 0, 0)
     leather = 0.5 + 0.5 * textures.noise(1024, 96, 12, 2)[..., None] * np.ones(3)
-    cube((-1.0, 0.3, 0.35), (0.6, 0.45, 0.35), principled("leather", np.clip(leather * (0.30, 0.13, 0.07), 0.01, 1), repeat=1, roughness=0.55, bump=0.6), turn=18, bevel=0.06)
+    cube(
+        (-1.0, 0.3, 0.35),
+        (0.6, 0.45, 0.35),
+        principled("leather", np.clip(leather * (0.30, 0.13, 0.07), 0.01, 1), repeat=1, roughness=0.55, bump=0.6),
+        turn=18,
+        bevel=0.06,
+    )
     ball((0.55, 0.2, 0.55), 0.55, principled("ceramic", (0.80, 0.82, 0.80), roughness=0.12))
-    ball((1.5, -0.35, 0.3), 0.3, principled("glaze", textures.speckle(512, 14, (0.10, 0.18, 0.30), (0.75, 0.72, 0.6)), repeat=2, roughness=0.2, bump=0.1))
+    ball(
+        (1.5, -0.35, 0.3),
+        0.3,
+        principled(
+            "glaze", textures.speckle(512, 14, (0.10, 0.18, 0.30), (0.75, 0.72, 0.6)), repeat=2, roughness=0.2, bump=0.1
+        ),
+    )
     ball((0.1, -0.8, 0.2), 0.2, principled("copper", (0.92, 0.55, 0.38), roughness=0.25, metallic=1.0))
     area_light((-3.0, -2.0, 3.5), (0, 0, 0.4), size=3.0, watts=160)
     area_light((3.0, -1.5, 3.0), (0, 0, 0.4), size=2.5, watts=90)
@@ -159,7 +191,7 @@ def finished(material):
 
 
 def move(made, way, turn):
-    """Lets an object travel `way` and turn by `turn` radians about its place over one frame, the one that is rendered."""
+    """Moves an object by `way` and turns it by `turn` radians about its place during the rendered frame."""
     place, angle = made.location.copy(), made.rotation_euler.copy()
     for frame, sign in ((0, -1), (2, 1)):
         made.location = [p + sign * w for p, w in zip(place, way)]
@@ -187,7 +219,7 @@ def sky(colour, strength):
 
 
 def camera(place, target, lens, focus=None, aperture=None):
-    """A camera of focal length `lens` in mm; with depth of field where `focus` (its distance) and `aperture` (f-number) are given."""
+    """A camera of focal length `lens` in mm, with depth of field given `focus` (distance) and `aperture` (f-number)."""
     data = bpy.data.cameras.new("camera")
     data.lens = lens
     if focus:

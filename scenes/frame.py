@@ -1,4 +1,4 @@
-"""Denoises frames with OIDN and writes them: half floats, ZIP, whole or not at all."""
+"""Denoises frames with OIDN and writes them: half floats, ZIP, each file complete or absent."""
 
 import os
 
@@ -31,7 +31,7 @@ def averaged(a, b):
 
 
 def write_frame(folder, spp, a, b):
-    """Writes SPPspp.{a,b,denoised}.exr of two half buffers; the full buffer's file last, so that it says the frame is whole."""
+    """Writes SPPspp.{a,b,denoised}.exr of two half buffers, the full buffer's last: it marks the frame as complete."""
     for name, half in (("a", a), ("b", b)):
         write(folder / f"{spp}spp.{name}.exr", half | {"denoised": denoised(half)})
     write(folder / f"{spp}spp.denoised.exr", {"color": denoised(averaged(a, b))})
@@ -42,7 +42,7 @@ def has_frame(folder, spp):
 
 
 def write_reference(folder, a, b):
-    """Writes ref.exr: the mean of two independent references, and both of them, so that its own noise can be taken out."""
+    """Writes ref.exr: the mean of two independent references, and both of them, to remove the reference's noise."""
     write(folder / "ref.exr", {"color": 0.5 * (a + b), "a": a, "b": b})
 
 
@@ -59,7 +59,7 @@ def write(path, roles):
 
 
 def replace(path, write):
-    """Lets `write` fill a file beside `path` and gives it that name when it is whole."""
+    """Lets `write` fill a temporary file and renames it to `path` when it is complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:

@@ -1,4 +1,4 @@
-"""Mitsuba 3: radiance and the features of the first hit. Needs a recent libLLVM (see the README) for Dr.Jit's CPU backend."""
+"""Mitsuba 3: radiance and the features of the first hit. Needs a recent libLLVM (see the README)."""
 
 import tempfile
 from pathlib import Path
@@ -14,7 +14,7 @@ from . import mitsuba_scenes  # noqa: E402 (its classes are the variant's)
 
 
 class FirstHit(mi.SamplingIntegrator):
-    """The path tracer's radiance, and albedo, shading normal and visibility of the lights where its camera ray arrives."""
+    """The path tracer's radiance; albedo, shading normal and visibility of the lights at the first hit."""
 
     def __init__(self, properties, radiance):
         super().__init__(properties)
@@ -57,7 +57,14 @@ class Renderer:
                 "to_world": mitsuba_scenes.look(origin, target),
                 "sampler": {"type": "independent"},
                 # A box filter: no sample reaches a neighbouring pixel, so pixels' noise is independent.
-                "film": {"type": "hdrfilm", "width": size[0], "height": size[1], "pixel_format": "rgb", "component_format": "float32", "rfilter": {"type": "box"}},
+                "film": {
+                    "type": "hdrfilm",
+                    "width": size[0],
+                    "height": size[1],
+                    "pixel_format": "rgb",
+                    "component_format": "float32",
+                    "rfilter": {"type": "box"},
+                },
             }
             self.scene = mi.load_dict({"type": "scene", **objects, "sensor": sensor | inside})
         path = mi.load_dict({"type": "volpath" if inside else "path", "max_depth": depth})

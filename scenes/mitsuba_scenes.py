@@ -1,4 +1,4 @@
-"""The scenes for Mitsuba 3 as dictionaries, y up. Call after a variant was set; `folder` is for mesh files."""
+"""The scenes for Mitsuba 3 as dictionaries, y up. Set a variant first; `folder` is for mesh files."""
 
 import mitsuba as mi
 import numpy as np
@@ -70,7 +70,10 @@ def sun_and_metal(folder):
     scene["large"] = sphere((0, 1.1, -0.5), 0.7, metal(0.95, 0.75, 0.45, roughness=0.12))
     while len(placed) < 26:
         centre, radius = random.uniform((-4, -4.5), (4, 3)), random.uniform(0.18, 0.55)
-        if all(np.hypot(*(centre - other)) > radius + extent + 0.05 for other, extent in placed[1:]) and np.hypot(*(centre - placed[0][0])) > 1.8 + radius:
+        if (
+            all(np.hypot(*(centre - other)) > radius + extent + 0.05 for other, extent in placed[1:])
+            and np.hypot(*(centre - placed[0][0])) > 1.8 + radius
+        ):
             material = materials[len(placed) % len(materials)](random.uniform(0.2, 0.95, 3))
             scene[f"sphere-{len(placed)}"] = sphere((centre[0], radius, centre[1]), radius, material)
             placed.append((centre, radius))
@@ -88,7 +91,12 @@ def glass_table(folder):
         "ball": sphere((-0.5, 0.42, 0.1), 0.42, clear),
         "small": sphere((0.02, 0.16, 0.85), 0.16, clear),
         "ring": {"type": "ply", "filename": str(folder / "ring.ply"), "bsdf": clear},
-        "tinted": box((0.75, 0.4, -0.65), (0.28, 0.4, 0.28), {"type": "dielectric", "int_ior": 1.4, "specular_transmittance": rgb(0.55, 0.85, 0.65)}, 30),
+        "tinted": box(
+            (0.75, 0.4, -0.65),
+            (0.28, 0.4, 0.28),
+            {"type": "dielectric", "int_ior": 1.4, "specular_transmittance": rgb(0.55, 0.85, 0.65)},
+            30,
+        ),
         "frosted": sphere((1.45, 0.3, 0.1), 0.3, {"type": "roughdielectric", "alpha": 0.12, "int_ior": 1.5}),
         "book": box((-1.5, 0.09, -0.5), (0.45, 0.09, 0.6), paint(textures.bricks(512, 8, 4), (1, 1)), 25),
         "apple": sphere((-1.4, 0.36, -0.4), 0.18, gloss(0.5, 0.06, 0.04)),
@@ -98,11 +106,19 @@ def glass_table(folder):
 
 def fog(folder):
     inside = {"exterior": {"type": "ref", "id": "medium"}}
-    walls = panel_room((-4, 0, -6), (4, 3.6, 5), inside, paint(textures.bricks(), (3, 1.3)), paint(textures.planks(), (3, 3)))
+    walls = panel_room(
+        (-4, 0, -6), (4, 3.6, 5), inside, paint(textures.bricks(), (3, 1.3)), paint(textures.planks(), (3, 3))
+    )
     scene = {
         "medium": {"type": "homogeneous", "albedo": 0.92, "sigma_t": 0.13},
         **walls,
-        "spot": {"type": "spot", "to_world": look((-1.5, 3.5, 0.5), (0.3, 0, -1.4)), "intensity": rgb(390, 350, 285), "cutoff_angle": 24, "beam_width": 19},
+        "spot": {
+            "type": "spot",
+            "to_world": look((-1.5, 3.5, 0.5), (0.3, 0, -1.4)),
+            "intensity": rgb(390, 350, 285),
+            "cutoff_angle": 24,
+            "beam_width": 19,
+        },
         "red": sphere((-2.7, 0.5, -3.8), 0.12, colour(0.5, 0.5, 0.5)) | light(210, 27, 15),
         "blue": sphere((2.8, 1.9, -3.0), 0.12, colour(0.5, 0.5, 0.5)) | light(18, 48, 225),
         "crate": box((0.9, 0.45, -1.0), (0.45, 0.45, 0.45), paint(textures.checker(512, 6), (1, 1)), 30),
@@ -110,7 +126,9 @@ def fog(folder):
         "cloth": box((0.9, 0.93, -1.0), (0.3, 0.02, 0.3), paint(textures.weave(512, 48), (1, 1)), 12),
     }
     for index, (x, z) in enumerate(((-2, -2.2), (2, -2.4), (-2, -4.6), (2.1, -4.8), (0, -4.2))):
-        scene[f"column-{index}"] = cylinder((x, 0, z), (x, 3.6, z), 0.22, paint(textures.speckle(512, 30 + index), (2, 3)))
+        scene[f"column-{index}"] = cylinder(
+            (x, 0, z), (x, 3.6, z), 0.22, paint(textures.speckle(512, 30 + index), (2, 3))
+        )
     return scene, ((0.3, 1.5, 4.2), (0, 1.2, -2), 46)
 
 
@@ -128,7 +146,9 @@ def many_lights(folder):
         power = random.lognormal(3.0, 0.8)
         scene[f"light-{index}"] = sphere(place, 0.03, colour(0.5, 0.5, 0.5)) | light(*(power * hue(random.uniform())))
     for index, (x, z) in enumerate(((-3, -3), (-1, -3.4), (1.2, -3.2), (3.2, -2.8), (-2.6, 0.4), (2.6, 0.2))):
-        scene[f"column-{index}"] = cylinder((x, 0, z), (x, 4, z), 0.25, paint(textures.planks(512, 6, 40 + index), (2, 1)))
+        scene[f"column-{index}"] = cylinder(
+            (x, 0, z), (x, 4, z), 0.25, paint(textures.planks(512, 6, 40 + index), (2, 1))
+        )
     for index in range(18):
         x = -1.7 + 0.2 * index
         scene[f"bar-{index}"] = box((x, 0.6, 1.3), (0.02, 0.6, 0.02), gloss(0.15, 0.15, 0.18))
@@ -142,8 +162,17 @@ def leaves(folder):
     green = textures.mix((0.05, 0.20, 0.03), (0.40, 0.42, 0.07), u + 0.2 * textures.noise(256, 16, 3))
     autumn = np.where((u > 0.85)[..., None], (0.55, 0.16, 0.04), green)
     scene = {
-        "leaves": {"type": "ply", "filename": str(folder / "leaves.ply"), "face_normals": True, "bsdf": paint(np.where(rib, 1.6 * autumn, autumn), (1, 1))},
-        "ground": {"type": "disk", "to_world": T().rotate([1, 0, 0], -90).scale(3.0), "bsdf": paint(textures.ground(), (2, 2))},
+        "leaves": {
+            "type": "ply",
+            "filename": str(folder / "leaves.ply"),
+            "face_normals": True,
+            "bsdf": paint(np.where(rib, 1.6 * autumn, autumn), (1, 1)),
+        },
+        "ground": {
+            "type": "disk",
+            "to_world": T().rotate([1, 0, 0], -90).scale(3.0),
+            "bsdf": paint(textures.ground(), (2, 2)),
+        },
         "sun": {"type": "directional", "direction": [-0.55, -0.8, -0.45], "irradiance": rgb(5, 4.6, 3.8)},
         # A sky that lights the plants but is out of sight and beside the sun: the background stays empty.
         "sky": panel((-22, 14, -14), (26, 0, 0), (0, 0, 28), colour(0, 0, 0)) | light(1.2, 1.5, 2.1),
@@ -228,7 +257,13 @@ def sphere(centre, radius, bsdf):
 
 
 def cylinder(foot, top, radius, bsdf):
-    return {"type": "cylinder", "p0": list(map(float, foot)), "p1": list(map(float, top)), "radius": radius, "bsdf": bsdf}
+    return {
+        "type": "cylinder",
+        "p0": list(map(float, foot)),
+        "p1": list(map(float, top)),
+        "radius": radius,
+        "bsdf": bsdf,
+    }
 
 
 def look(origin, target):

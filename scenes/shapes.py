@@ -15,7 +15,7 @@ class Mesh:
 
 
 def foliage(plants, leaves, seed, radius=3.0):
-    """Leaves of two triangles each, on stems that start at random places of a disc of `radius` around the origin, y up."""
+    """Leaves of two triangles each, on stems at random places in a disc of `radius` around the origin, y up."""
     random = np.random.default_rng(seed)
     count = plants * leaves
     angle = random.uniform(0, 2 * np.pi, plants)
@@ -24,7 +24,11 @@ def foliage(plants, leaves, seed, radius=3.0):
     height = random.uniform(0.5, 2.4, plants)
     lean = random.normal(0, 0.25, (plants, 3)) * (1, 0, 1)
     share = random.uniform(0.1, 1, (plants, leaves))
-    stem = foot[:, None] + share[..., None] * (height[:, None] * (0, 1, 0))[:, None] + (share**2)[..., None] * lean[:, None]
+    stem = (
+        foot[:, None]
+        + share[..., None] * (height[:, None] * (0, 1, 0))[:, None]
+        + (share**2)[..., None] * lean[:, None]
+    )
     along = unit(random.normal(0, 1, (count, 3)) + (0, 0.25, 0))
     across = unit(np.cross(along, random.normal(0, 1, (count, 3))))
     length = random.uniform(0.08, 0.28, (count, 1)) * (1.2 - share.reshape(-1, 1))

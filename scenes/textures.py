@@ -53,7 +53,9 @@ def planks(size=1024, count=8, seed=2):
     plank = (u * count).astype(int)
     shift = np.random.default_rng(seed).uniform(0, 1, (count, 2))[plank]
     grain = np.sin(40 * np.pi * (u * count + 0.35 * noise(size, 4, seed)) + 9 * shift[..., 0]) * 0.5 + 0.5
-    colour = mix((0.30, 0.16, 0.07), (0.58, 0.36, 0.18), 0.35 * grain + 0.5 * shift[..., 1] + 0.25 * noise(size, 64, seed))
+    colour = mix(
+        (0.30, 0.16, 0.07), (0.58, 0.36, 0.18), 0.35 * grain + 0.5 * shift[..., 1] + 0.25 * noise(size, 64, seed)
+    )
     return np.where((np.abs((u * count) % 1 - 0.5) > 0.485)[..., None], 0.25 * colour, colour)
 
 
@@ -80,7 +82,9 @@ def wallpaper(size=1024, count=14, seed=5):
     ground = mix((0.72, 0.70, 0.60), (0.60, 0.64, 0.60), 0.5 + 0.5 * np.sign(np.sin(2 * np.pi * count * u)))
     x, y = (u * count) % 1 - 0.5, (v * count) % 1 - 0.5
     dot = (x * x + y * y < 0.035) ^ (x * x + y * y < 0.012)
-    return np.clip(np.where(dot[..., None], (0.45, 0.16, 0.14), ground) * (1 + 0.1 * noise(size, 32, seed))[..., None], 0.01, 0.95)
+    return np.clip(
+        np.where(dot[..., None], (0.45, 0.16, 0.14), ground) * (1 + 0.1 * noise(size, 32, seed))[..., None], 0.01, 0.95
+    )
 
 
 def ground(size=1024, seed=6):

@@ -1,4 +1,4 @@
-"""A renderer in a process of its own: Mitsuba and Blender do not share one well, and a process can be ended at any moment."""
+"""A renderer in its own process: Mitsuba and Blender conflict in one, and a process can be ended at any time."""
 
 import importlib
 import multiprocessing
@@ -14,16 +14,16 @@ class Failed(Exception):
 
 
 class Worker:
-    """A context in which one scene can be rendered again and again; leaving it ends the process."""
+    """A context that renders one scene repeatedly; leaving it ends the process."""
 
     def __init__(self, renderer, *scene):
-        """`renderer` is "mitsuba" or "cycles", `scene` what its Renderer is made of: name, size, depth, threads."""
+        """`renderer` is "mitsuba" or "cycles", `scene` its Renderer's arguments: name, size, depth, threads."""
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        # The process may be killed at any moment: what it left here goes with the folder.
+        # The process may be killed at any time; its files are removed with this folder.
         self.scratch = tempfile.TemporaryDirectory(prefix="scenes-")
         self.process = context.Process(target=serve, args=(theirs, self.scratch.name, renderer, scene), daemon=True)
-        # Ctrl-C reaches all processes of a terminal; this one's end is its parent's business from its first moment on.
+        # Ctrl-C reaches all processes of a terminal, but the parent decides when this one ends.
         usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
         self.process.start()
         signal.signal(signal.SIGINT, usual)
@@ -53,7 +53,7 @@ class Worker:
 def serve(pipe, scratch, renderer, scene):
     """The process: builds the scene and answers until the pipe is closed."""
     tempfile.tempdir = scratch
-    # Blender tells standard output about every pass and file; errors go to the other one.
+    # Blender reports every pass and file on standard output; errors go to standard error.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     try:
         made = importlib.import_module(f"scenes.{renderer}_renderer").Renderer(*scene)

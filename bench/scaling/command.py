@@ -1,54 +1,39 @@
-"""The command line: makes large frames of a small one, fits and corrects each, measures the whole processes."""
+"""The command line of bench/scale: enlarges a frame, fits and corrects it, measures the whole processes."""
 
 import argparse
 import json
-import os
-import shlex
 import shutil
-import subprocess
 import sys
 import tempfile
-from datetime import datetime, timezone
 from pathlib import Path
 
-from .. import machine
+from .. import common, derived, machine
 from ..runs import Failed, checked_process, measured
-
 from . import record
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-DESCRIPTION = """\
-Mirrors a frame on and on until it fills each size, runs `sspc-train fit --preset fast --time-limit 60` and
-`sspc-infer run` on it, file to file, and writes a dated record (table, JSON, plot) of wall time, time of all cores
-and peak memory. The model that `run` uses is the one fitted on the smallest frame. Programs are those of
-target/release (or $CARGO_TARGET_DIR), the frames are made by an example: build both first,
-`cargo build --release --workspace --bins --examples`. 8K takes 4 GB of disk and, for fit, 7 GB of memory.
-Exit codes: 0 done, 1 a run failed or took more memory than it may, 2 bad arguments,
-130 interrupted (what was measured is kept)."""
+PROG = "bench/scale"
+DESCRIPTION = f"""\
+Enlarges a frame to each size with mirrored copies, runs `sspc-train fit --preset fast --time-limit 60` and
+`sspc-infer run` on it, file to file, and writes a dated record (table, JSON, plot) of wall time, processor time and
+peak memory. `run` uses the model fitted on the smallest frame. Build the programs first:
+`{common.BUILD}`. 8K takes 4 GB of disk and, for fit, 7 GB of memory.
+Exit codes: 0 done, 1 a run failed or exceeded its memory bound, 2 bad arguments, 130 interrupted (what was measured is
+kept)."""
 
-# Longest run of one program: an 8K fit reads and corrects for minutes beside its time limit.
+# Longest run of one program in seconds: an 8K fit reads and corrects for minutes beside its time limit.
 TIMEOUT = 3600
+SAMPLE = common.REPOSITORY / "tests" / "data" / "sample"
 
 
 def main(arguments=None):
     options = command_line().parse_args(arguments)
-    programs = {name: find_program(options, name) for name in ("sspc-train", "sspc-infer", "examples/edit_exr")}
-    head = machine.commit(REPOSITORY)
-    about = {
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "commit": head,
-        "programs": [machine.program(programs[name], head) for name in ("sspc-train", "sspc-infer")],
-        "machine": machine.machine(options.threads),
-        "command": shlex.join(["bench/scale", *(sys.argv[1:] if arguments is None else arguments)]),
-        "time_limit": options.time_limit,
-    }
-    environment = dict(os.environ)
-    if options.threads:
-        environment["RAYON_NUM_THREADS"] = str(options.threads)
+    programs = {name: common.program(options, name) for name in ("sspc-train", "sspc-infer", "examples/edit_exr")}
+    about = common.about(PROG, arguments, options, [programs["sspc-train"], programs["sspc-infer"]])
+    about["time_limit"] = options.time_limit
     results, interrupted = [], False
     with tempfile.TemporaryDirectory(prefix="sspc-scale-", dir=options.scratch) as scratch:
         try:
-            carry_out(options, programs, environment, Path(scratch), results)
+            carry_out(options, programs, common.environment(options), Path(scratch), results)
         except KeyboardInterrupt:
             print("interrupted: keeping what was measured", file=sys.stderr)
             interrupted = True
@@ -78,52 +63,37 @@ def carry_out(options, programs, environment, scratch, results):
 
 
 def command_line():
-    parser = argparse.ArgumentParser(
-        prog="bench/scale", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
+    parser = common.parser(PROG, DESCRIPTION)
+    common.add_output(parser)
+    parser.add_argument(
+        "--frame",
+        type=common.existing,
+        nargs=3,
+        metavar=("A", "B", "DENOISED"),
+        help="frame to repeat: both halves and the denoised full buffer (default: the one in the repository)",
+        default=[SAMPLE / name for name in ("a.exr", "b.exr", "denoised.exr")],
     )
-    parser.add_argument("--frame", type=existing, nargs=3, metavar=("A", "B", "DENOISED"), help="the frame to repeat: both halves and the full buffer's denoised picture (default: the one in the repository)",
-                        default=[REPOSITORY / "tests" / "data" / "sample" / name for name in ("a.exr", "b.exr", "denoised.exr")])
-    parser.add_argument("--sizes", type=sizes, default=sizes("1280x720,2560x1440,3840x2160,7680x4320"), metavar="WxH,WxH",
-                        help="sizes (default 1280x720,2560x1440,3840x2160,7680x4320)")
-    parser.add_argument("--programs", type=lambda value: value.split(","), default=["fit", "run"], metavar="fit,run", help="what to run (default both)")
-    parser.add_argument("--model", type=existing, metavar="model.onnx", help="the model of run, needed without fit")
+    sizes = "1280x720,2560x1440,3840x2160,7680x4320"
+    parser.add_argument("--sizes", type=common.sizes, default=sizes, metavar="WxH,WxH", help=f"default {sizes}")
+    parser.add_argument("--programs", type=programs_of, default="fit,run", metavar="fit,run", help="default both")
+    parser.add_argument("--model", type=common.existing, metavar="model.onnx", help="model for run, needed without fit")
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="SECONDS", help="of training (default 60)")
-    parser.add_argument("--threads", type=int, metavar="N", help="threads a run may use (default: one a usable core)")
-    parser.add_argument("--scratch", metavar="DIR", help="folder for the large frames (default: the system's temporary one)")
-    parser.add_argument("--bin-dir", type=existing, metavar="DIR", help="folder of the programs")
-    parser.add_argument("-o", "--output", type=Path, default=REPOSITORY / "bench" / "records", metavar="DIR",
-                        help="folder of the record (default bench/records)")
+    parser.add_argument("--scratch", metavar="DIR", help="folder for the large frames (default: the temporary folder)")
     return parser
 
 
-def existing(value):
-    path = Path(value)
-    if not path.exists():
-        raise argparse.ArgumentTypeError(f"no {value}")
-    return path.resolve()
-
-
-def sizes(value):
-    found = [tuple(int(side) for side in part.split("x")) for part in value.split(",")]
-    if any(len(size) != 2 or min(size) < 1 for size in found):
-        raise argparse.ArgumentTypeError(f"{value} is not WxH,WxH")
+def programs_of(value):
+    found = value.split(",")
+    if set(found) - {"fit", "run"}:
+        raise argparse.ArgumentTypeError(f"{value} is not fit, run or fit,run")
     return found
 
 
-def find_program(options, name):
-    target = Path(os.environ.get("CARGO_TARGET_DIR") or REPOSITORY / "target")
-    path = (options.bin_dir or target / "release").resolve() / name
-    if not path.is_file():
-        sys.exit(f"scale: no {path}; run `cargo build --release --workspace --bins --examples`, or say --bin-dir")
-    return path
-
-
 def enlarged(edit, frame, size, scratch):
-    """The frame's three files at a size, made of mirrored copies."""
-    names = ("a", "b", "denoised")
-    paths = {name: scratch / f"{name}.exr" for name in names}
-    for name, source in zip(names, frame):
-        subprocess.run([edit, "mirror", source, paths[name], *map(str, size)], check=True)
+    """The frame's three files at a size (width, height), made of mirrored copies."""
+    paths = {name: scratch / f"{name}.exr" for name in ("a", "b", "denoised")}
+    for path, source in zip(paths.values(), frame):
+        derived.mirror(edit, source, path, *size)
     return paths
 
 
@@ -134,7 +104,7 @@ def line(programs, name, frame, out, model, options):
         limits = ["--preset", "fast", "--time-limit", str(options.time_limit)]
         return [programs["sspc-train"], "fit", *files, *limits, "--quiet", "-o", out]
     if not model:
-        sys.exit("scale: run needs --model where nothing is fitted")
+        common.fail("run needs --model where nothing is fitted")
     out.mkdir()
     return [programs["sspc-infer"], "run", "--model", model, *files, "--json", "--quiet", "-o", out / "corrected.exr"]
 

@@ -1,6 +1,6 @@
 """Memory and time against pixels, both logarithmic, as a plain SVG of two panels."""
 
-from ..plot import COLOURS, Axis, grid, text
+from ..plot import COLOURS, Axis, document, grid, text
 
 WIDTH, HEIGHT = 1080, 480
 PANEL, LEFT, GAP, TOP, BOTTOM = 420, 70, 110, 60, 60
@@ -15,12 +15,11 @@ def svg(results):
         ("peak memory, GiB (log)", lambda result: result["peak_rss_bytes"] / GIB),
         ("core-seconds, file to file (log)", lambda result: result["cpu_seconds"]),
     ]
-    body = [f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>']
+    body = []
     if good:
         for index, (name, value) in enumerate(panels):
             body += panel(LEFT + index * (PANEL + GAP), name, value, good)
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="13">'
-    return "\n".join([head, *body, "</svg>", ""])
+    return document(WIDTH, HEIGHT, body)
 
 
 def megapixels(result):

@@ -6,7 +6,7 @@ from datetime import datetime
 from .figure import svg
 
 GIB = 1 << 30
-# What a program may take, by pixels: the bounds of the project for 4K and 8K. `fit` has some 250 bytes a pixel.
+# Memory bounds of this project for 4K and 8K; 8 GiB for fit are about 250 bytes per pixel.
 BOUNDS = {
     ("run", 3840 * 2160): 2 * GIB,
     ("run", 7680 * 4320): 4 * GIB,
@@ -26,7 +26,7 @@ def too_much(result):
 
 
 def sentence(result):
-    """One line for the person who waits."""
+    """A progress line."""
     size = f"{result['program']} {result['width']} x {result['height']}"
     if result["failure"]:
         return f"{size}: FAILED: {result['failure']}"
@@ -51,17 +51,17 @@ def write(folder, about, results):
 
 
 def markdown(about, results, stem):
-    host = about["machine"]
+    host, changed = about["machine"], ", changed" if about["commit"]["dirty"] else ""
     lines = [
         f"# Time and memory against the size of the frame, {about['date'][:10]}",
         "",
-        f"Command `{about['command']}`, commit {about['commit']['hash']}{', changed' if about['commit']['dirty'] else ''}. "
+        f"Command `{about['command']}`, commit {about['commit']['hash']}{changed}. "
         f"{host['processor']}, {host['cores_usable']} cores usable, {host['system']}; "
         f"load average {host['load_average_before'][0]} before, {about['load_average_after'][0]} after.",
         "",
         f"![memory and time against pixels]({stem}.svg)",
         "",
-        "| program | size | megapixels | seconds | core-seconds | peak memory, GiB | bytes a pixel | bound, GiB |",
+        "| program | size | megapixels | seconds | core-seconds | peak memory, GiB | bytes per pixel | bound, GiB |",
         "|---|---|---|---|---|---|---|---|",
     ]
     return "\n".join([*lines, *map(row, results), "", *splits(results), ""])
@@ -75,13 +75,19 @@ def row(result):
     peak = result["peak_rss_bytes"]
     limit = bound(result)
     verdict = "" if not limit else f"{limit / GIB:.0f}, {'MISSED' if too_much(result) else 'kept'}"
-    figures = [f"{result['wall_seconds']:.1f}", f"{result['cpu_seconds']:.1f}", f"{peak / GIB:.2f}", f"{peak / pixels:.0f}", verdict]
+    figures = [
+        f"{result['wall_seconds']:.1f}",
+        f"{result['cpu_seconds']:.1f}",
+        f"{peak / GIB:.2f}",
+        f"{peak / pixels:.0f}",
+        verdict,
+    ]
     return head + " " + " | ".join(figures) + " |"
 
 
 def splits(results):
-    """Where the wall time went, as the programs say it."""
-    lines = ["Seconds by part, as the programs tell them:", ""]
+    """Wall time by stage, as the programs report it."""
+    lines = ["Seconds by stage, as reported by the programs:", ""]
     for result in results:
         if not result["failure"] and result.get("seconds"):
             parts = ", ".join(f"{name} {value:.2f}" for name, value in result["seconds"].items())

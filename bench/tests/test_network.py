@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from .. import network
+from .. import derived, network
 
 
 class Enlarged(unittest.TestCase):
@@ -18,7 +18,7 @@ class Enlarged(unittest.TestCase):
         programs = Path(os.environ.get("CARGO_TARGET_DIR", network.ROOT / "target"), "release")
         with tempfile.TemporaryDirectory() as folder:
             target = Path(folder, "large.exr")
-            network.enlarge(programs, source, target, 200, 300)
+            derived.mirror(programs / "examples/edit_exr", source, target, 300, 200)
             after = OpenEXR.File(str(target), separate_channels=True).channels()
             self.assertEqual(sorted(before), sorted(after))
             for name, channel in after.items():

@@ -1,4 +1,4 @@
-"""Tests of what a record tells beside the tables: samples for equal error, predictions, ablations, derived frames."""
+"""Tests of a record's other sections: samples for equal error, predictions, ablations, derived frames."""
 
 import struct
 import tempfile
@@ -6,12 +6,12 @@ import unittest
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from .. import ablations, calibration, command, derived, equal_time, jobs, plot, record, same_work, scatter
+from .. import ablations, calibration, command, common, derived, equal_time, jobs, plot, record, same_work, scatter
 from .test_bench import frame, result
 
 
 def predicted(name, estimate, halves=(0.02, 0.01), **more):
-    """A result whose report predicts `estimate` (value and standard error by what) and whose halves have relL2 `halves`."""
+    """A result with an estimate, (value, standard error) by what, and the true relL2 of the means of both halves."""
     means = {what: {"value": value, "standard_error": error} for what, (value, error) in estimate.items()}
     out = result(name, report={"estimate": means}, **more)
     out["rel_l2"]["halves"] = dict(zip(("denoised", "corrected"), halves))
@@ -68,7 +68,12 @@ class Calibration(unittest.TestCase):
 
     def test_the_denoised_picture_counts_once_a_frame_and_failures_never(self):
         both = {"denoised": (0.02, 0.001), "corrected": (0.01, 0.001)}
-        results = [predicted("f", both), predicted("f", both, column="slow"), predicted("g", both, failure="broken"), result("old")]
+        results = [
+            predicted("f", both),
+            predicted("f", both, column="slow"),
+            predicted("g", both, failure="broken"),
+            result("old"),
+        ]
         whats = [p.what for p in calibration.predictions(results)]
         self.assertEqual((whats.count(calibration.DENOISED), whats.count(calibration.CORRECTED)), (1, 2))
 
@@ -115,7 +120,9 @@ class Ablations(unittest.TestCase):
 
     def test_the_worst_frame_is_the_one_that_a_change_harms_most(self):
         results = self.results(["good", "bad"], ablations.VARIANTS)
-        good, bad = (next(r for r in results if r["frame"] == name and "f_c" in r["column"]) for name in ("good", "bad"))
+        good, bad = (
+            next(r for r in results if r["frame"] == name and "f_c" in r["column"]) for name in ("good", "bad")
+        )
         good["rel_l2"]["corrected"] = 0.25 * good["rel_l2"]["denoised"]
         bad["rel_l2"]["corrected"] = 1.0 * bad["rel_l2"]["denoised"]
         done = ablations.Ablations({}, [frame("good"), frame("bad")], {}, "balanced", results)
@@ -151,7 +158,9 @@ class OfTheWholePicture(unittest.TestCase):
     """Figures that stand in tables of their own."""
 
     def one(self, name, brightness, crossed=None):
-        return result(name, evaluated={"brightness": brightness}, evaluated_denoised={"brightness": 0.995}, crossed_ratio=crossed)
+        return result(
+            name, evaluated={"brightness": brightness}, evaluated_denoised={"brightness": 0.995}, crossed_ratio=crossed
+        )
 
     def test_brightness_in_per_cent_of_the_reference(self):
         found = record_of(self.one("f", 0.98), self.one("f", 0.99) | {"seed": 2}, result("g")).brightness_table()
@@ -192,7 +201,7 @@ class Methods(unittest.TestCase):
 
     def test_a_record_names_no_folder_of_this_machine(self):
         words = ["--bin-dir", "/x", "--only", "a", "-o", "/y", "--keep=/z", "--methods", "fc"]
-        self.assertEqual(command.shown(words), "bench/run --only a --methods fc")
+        self.assertEqual(common.shown("bench/run", words), "bench/run --only a --methods fc")
 
 
 class Derived(unittest.TestCase):
@@ -217,7 +226,10 @@ class Derived(unittest.TestCase):
             self.assertEqual([f.name for f in odd], [f"sample/quarter-{n}" for n in (1, 2, 3, 4)])
             self.assertEqual([f.variant for f in odd], [None] * 4)
             told = [f.a.read_text().split()[1:] for f in odd]
-        self.assertEqual(told, [["0", "0", "128", "96"], ["128", "0", "128", "96"], ["0", "96", "128", "96"], ["128", "96", "128", "96"]])
+        self.assertEqual(
+            told,
+            [["0", "0", "128", "96"], ["128", "0", "128", "96"], ["0", "96", "128", "96"], ["128", "96", "128", "96"]],
+        )
 
     def test_without_the_tool_the_reason_is_said(self):
         with self.assertRaisesRegex(derived.NoTool, "--examples"):

@@ -63,10 +63,7 @@ class Case:
 def difference(expected, found):
     """Says how two arrays differ, or nothing."""
     if expected.shape != found.shape or expected.dtype != found.dtype:
-        return (
-            f"expected {expected.dtype}{list(expected.shape)}, "
-            f"found {found.dtype}{list(found.shape)}"
-        )
+        return f"expected {expected.dtype}{list(expected.shape)}, found {found.dtype}{list(found.shape)}"
     if expected.dtype.kind in "iu":
         return "" if np.array_equal(expected, found) else "differs"
     same = FLOAT64_SAME if expected.dtype == np.float64 else FLOAT32_SAME

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-
 from sspc_reference import evaluate, fit, network, read
 from sspc_reference.features import CHANNELS
 
@@ -35,9 +34,7 @@ def cases():
     case.put(
         rates=np.float32([step.rate for step in schedule.steps]),
         weights_start=net.flat().numpy(),
-        origins=np.array(
-            [[[tile.top, tile.left] for tile in step.tiles] for step in schedule.steps], np.int32
-        ),
+        origins=np.array([[[tile.top, tile.left] for tile in step.tiles] for step in schedule.steps], np.int32),
     )
     losses = fit.fit(net, frame, schedule)
     denoised = (frame.a + frame.b)[:, CHANNELS["denoised"]] / 2

@@ -32,10 +32,7 @@ def relative_l2(image, reference, reference_halves=None):
 def corrected_halves(network, frame, radius=gc.RADIUS):
     """mu_hat^a and mu_hat^b of the whole image, [1, 3, H, W] each."""
     with torch.no_grad():
-        return [
-            gc.gated(half, activations.activate(network(half)), radius)
-            for half in (frame.a, frame.b)
-        ]
+        return [gc.gated(half, activations.activate(network(half)), radius) for half in (frame.a, frame.b)]
 
 
 def corrected_image(network, frame, radius=gc.RADIUS):

@@ -88,6 +88,5 @@ def check_parameters(parameters, features):
     check_image("parameters", parameters, parameters.shape[1])
     if parameters.shape[2:] != features.shape[2:] or parameters.shape[0] != features.shape[0]:
         raise ValueError(
-            f"parameters: expected the features' batch and size {list(features.shape)}, "
-            f"found {list(parameters.shape)}"
+            f"parameters: expected the features' batch and size {list(features.shape)}, found {list(parameters.shape)}"
         )

@@ -22,8 +22,7 @@ class Network(nn.Module):
         super().__init__()
         widths = [COUNT] + [HIDDEN_CHANNELS] * HIDDEN_LAYERS + [outputs]
         self.layers = nn.ModuleList(
-            nn.Conv2d(inputs, outputs, kernel_size=3, padding=1)
-            for inputs, outputs in zip(widths[:-1], widths[1:])
+            nn.Conv2d(inputs, outputs, kernel_size=3, padding=1) for inputs, outputs in zip(widths[:-1], widths[1:])
         )
 
     def forward(self, features):

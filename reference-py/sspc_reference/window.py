@@ -24,11 +24,10 @@ COLOURS = slice(2, 4)
 
 
 def window_sums(padded, parameters, radius):
-    """The sums over the window by name: {"weight": [B, 1, H, W], "radiance", "denoised", "albedo", "normal": [B, 3, H, W]}.
+    """The sums over the window, differentiable with respect to the parameters (features are data).
 
-    Of w, w y_i, w (z_c - z_i), w (rho_c - rho_i) and w (n_c - n_i), from features
-    [B, 13, H + 2 radius, W + 2 radius] and activated parameters [B, 15 or 16, H, W]. They have
-    gradients with respect to the parameters; features are data.
+    From features [B, 13, H + 2 radius, W + 2 radius] and activated parameters [B, 15 or 16, H, W]; the result holds
+    by name the sums of w [B, 1, H, W] and of w y_i, w (z_c - z_i), w (rho_c - rho_i), w (n_c - n_i) [B, 3, H, W].
     """
     bandwidths, centre = parameters[:, DISTANCES], parameters[:, TAU : TAU + 1]
     sums = WindowSums.apply(padded[:, ORDER], bandwidths, centre, radius)
@@ -75,9 +74,9 @@ class WindowSums(torch.autograd.Function):
 
 
 def offsets(padded, bandwidths, centre, radius):
-    """For every offset (dy, dx) of the window: itself, u [B, 13, H, W], distances d [B, 5, H, W], weight w [B, 1, H, W].
+    """Yields every offset (dy, dx) of the window, u [B, 13, H, W], distances d [B, 5, H, W], weight w [B, 1, H, W].
 
-    All in the same memory, which the next offset overwrites: fresh images would take most of the time.
+    The next offset overwrites the same memory: allocating anew would take most of the time.
     """
     features = inner(padded, radius).contiguous()
     height, width = features.shape[2:]

@@ -5,7 +5,6 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 from samples import generator, random_features
-
 from sspc_reference import network, onnx_check
 
 
