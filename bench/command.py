@@ -41,16 +41,14 @@ def main(arguments=None):
     for name in set(dict(options.render_seconds)) - {frame.name for frame in found}:
         print(f"bench: --render-seconds: frame {name} is not measured", file=sys.stderr)
     with tempfile.TemporaryDirectory(prefix="sspc-bench-") as scratch:
-        options.render_seconds = [
-            *known.items(),
-            *options.render_seconds,
-        ]  # what the command line says comes last and wins
+        # Later entries win: the command line overrides the folders' own.
+        options.render_seconds = [*known.items(), *options.render_seconds]
         measure = ablate if options.ablations else compare
         return measure(found, programs, options, arguments, Path(scratch))
 
 
 def compare(found, programs, options, arguments, scratch):
-    """Methods and presets on every frame, and their record; the exit code."""
+    """Measures methods and presets on every frame and writes the record; returns the exit code."""
     problems = []
     if options.crops:
         cuts = [(frame, partial(derived.quarter, index=index)) for frame in found for index in range(4)]
@@ -71,7 +69,7 @@ def compare(found, programs, options, arguments, scratch):
 
 
 def ablate(found, programs, options, arguments, scratch):
-    """One preset with one thing changed at a time, and the record; the exit code."""
+    """Measures a preset with one setting changed at a time and writes the record; returns the exit code."""
     problems, chosen = [], ablations.chosen(found)
     made = [(frame.name, derive(derived.half_empty, frame, programs, scratch, problems)) for frame in chosen]
     half_empty = {name: copy for name, copies in made for copy in copies}
@@ -90,18 +88,18 @@ def ablate(found, programs, options, arguments, scratch):
 
 
 def derive(make, source, programs, scratch, problems):
-    """[the frame made of `source`], or [] and a problem for the record, told once."""
+    """[the frame derived from `source`], or [] and one entry in `problems`."""
     try:
         return [make(source, programs.edit, scratch / "frames")] if source else []
     except derived.NoTool as why:
-        problems += [problem for problem in (f"a frame is lacking: {why}",) if problem not in problems]
+        problems += [problem for problem in (f"a frame is missing: {why}",) if problem not in problems]
         return []
 
 
 def run_all(todo, found, programs, options, arguments, scratch, problems):
-    """Runs the jobs; their results, and what the record says of commit, machine, programs and how it ended."""
+    """Runs the jobs; returns their results and what the record states about the run."""
     if not todo:
-        fail("nothing to run: no frame matches, or no preset or method was asked for")
+        fail("nothing to run: no frame matches, or no preset or method was given")
     measured = [programs.train, programs.infer]
     about = common.about(PROG, arguments, options, measured) | {
         "steps_limit": options.steps,
@@ -223,7 +221,7 @@ def find_programs(options):
 
 
 def carry_out(todo, programs, options, scratch):
-    """Runs the jobs; results so far and how it ended. Ctrl-C and SIGTERM end it and keep what was measured."""
+    """Runs the jobs until Ctrl-C or SIGTERM; returns the results so far and how it ended."""
     environment = common.environment(options)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     results, done = [], []
@@ -272,7 +270,7 @@ def duration(seconds):
 
 
 def cleaned(results, options):
-    """Results without the folders of this machine: a record is made to be shared."""
+    """Results without the folders of this machine: records are shared."""
     hidden = [(str(path.resolve()) + "/", "") for path in (options.frames, options.keep, REPOSITORY) if path]
     if options.frames:
         hidden.append((f"{options.frames}/", ""))
@@ -291,7 +289,7 @@ def cleaned(results, options):
 
 
 def conclude(record, ended):
-    """Says what counts and returns the exit code."""
+    """Prints verdicts and problems; returns the exit code."""
     for preset in record.rated():
         for verdict in record.verdicts(preset):
             say(f"{preset}: {verdict.what} {verdict.goal}: {verdict.found}, {verdict.word.strip('*')}")

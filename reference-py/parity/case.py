@@ -17,9 +17,9 @@ FLOAT32_SAME = 2.5e-7
 @dataclass
 class Case:
     name: str
-    # One line: what this case is there to catch.
+    # One line: what this case is meant to catch.
     purpose: str
-    # Facts that are no arrays: radius, form, Adam's constants.
+    # Facts other than arrays: radius, form, Adam's constants.
     facts: dict
     arrays: dict = field(default_factory=dict)
 
@@ -61,7 +61,7 @@ class Case:
 
 
 def difference(expected, found):
-    """Says how two arrays differ, or nothing."""
+    """Describes how two arrays differ; None if they do not."""
     if expected.shape != found.shape or expected.dtype != found.dtype:
         return f"expected {expected.dtype}{list(expected.shape)}, found {found.dtype}{list(found.shape)}"
     if expected.dtype.kind in "iu":

@@ -127,7 +127,7 @@ def run_evaluate(options):
 
 
 def finish(options, network, frame):
-    """Writes the corrected image and prints relL2 of everything there is, as asked for."""
+    """Writes the corrected image and prints relL2 of all images, if requested."""
     images = {"corrected": evaluate.corrected_image(network, frame)}
     if frame.denoised is not None:
         images["corrected, full z"] = evaluate.corrected_with_full_denoised(network, frame)

@@ -20,11 +20,11 @@ PAPER_OUTPUTS = 15
 GATED_OUTPUTS = 16
 
 GAMMA_FLOOR = 1e-4  # gamma = 1 / (softplus^2 + this): at most 1e4
-TAU_FLOOR = 1e-4  # tau = softplus + this: the centre always counts
+TAU_FLOOR = 1e-4  # tau = softplus + this: always above 0
 
 
 def softplus(x):
-    """log(1 + e^x), exact for large |x| (PyTorch's own turns into x above 20)."""
+    """log(1 + e^x), exact for large |x| (PyTorch's own returns x above 20)."""
     return torch.logaddexp(x, torch.zeros_like(x))
 
 

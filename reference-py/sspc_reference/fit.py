@@ -19,7 +19,7 @@ from .loss import loss
 # as in the whole picture.
 NETWORK_RADIUS = networks.HIDDEN_LAYERS + 1
 
-# Larger batches gain nothing and spend their time on allocating memory.
+# Larger batches are no faster: allocation takes the time.
 PIXELS_AT_ONCE = 128 * 128
 
 
@@ -109,7 +109,7 @@ def step_gradient(network, frame, tiles, halo, radius=gc.RADIUS):
 
 
 def groups(tiles):
-    """The tiles in groups of one size, small enough to be worked on at once."""
+    """The tiles in groups of one size, small enough for one batch."""
     for size in sorted({(tile.height, tile.width) for tile in tiles}):
         equal = [tile for tile in tiles if (tile.height, tile.width) == size]
         at_once = max(PIXELS_AT_ONCE // (size[0] * size[1]), 1)
@@ -118,7 +118,7 @@ def groups(tiles):
 
 
 def fit(network, frame, schedule, radius=gc.RADIUS, report=lambda step, loss: None):
-    """Carries the schedule out; returns every step's loss, taken before its update."""
+    """Runs the schedule; returns the loss of every step, before its update."""
     adam = schedule.adam
     optimizer = torch.optim.Adam(network.parameters(), betas=(adam.beta1, adam.beta2), eps=adam.epsilon)
     losses = []
@@ -135,7 +135,7 @@ def fit(network, frame, schedule, radius=gc.RADIUS, report=lambda step, loss: No
 
 
 def origins(length, size, stride):
-    """Tile origins along one axis: every stride, and one flush with the end so that all is seen."""
+    """Tile origins along one axis: every stride, and one flush with the end, so that every pixel is covered."""
     last = max(length - size, 0)
     return sorted({*range(0, last + 1, stride), last})
 

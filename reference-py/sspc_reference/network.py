@@ -61,7 +61,7 @@ class Network(nn.Module):
 
 
 def uniform_start(network, generator):
-    """Glorot's uniform start with zero biases in every layer; what the paper's preset begins with."""
+    """Glorot's uniform start with zero biases in every layer: the start of the paper's preset."""
     with torch.no_grad():
         for layer in network.layers:
             fan_in, fan_out = layer.weight.shape[1] * 9, layer.weight.shape[0] * 9

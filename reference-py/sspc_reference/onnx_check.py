@@ -25,12 +25,12 @@ TOLERANCE = 1e-5
 
 
 class CheckFailed(ValueError):
-    """The file is not what it should be, or its results differ."""
+    """The file is not as expected, or its results differ."""
 
 
 @dataclass
 class Model:
-    """What was read from the file."""
+    """An exported model."""
 
     graph: str
     network: networks.Network

@@ -1,7 +1,7 @@
 """Reads a frame: two EXR files with one half of the samples each.
 
 Each file holds R, G, B (noisy), denoised.R, G, B, and, where the renderer wrote them,
-albedo.R, G, B, normal.X, Y, Z and visibility.Y. Other layouts are the business of the Rust reader.
+albedo.R, G, B, normal.X, Y, Z and visibility.Y. Only the Rust reader handles other layouts.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Frame:
     a: torch.Tensor
     b: torch.Tensor
     denoised: torch.Tensor | None
-    # Roles that no file filled; their planes are zero.
+    # Roles that the files lack; their planes are zero.
     absent: list[str]
 
     def scaled(self, scale):

@@ -1,4 +1,4 @@
-"""The onnxruntime check passes on a right file and fails on a wrong one; files made with onnx itself."""
+"""The onnxruntime check passes on a correct file and fails on a wrong one; the files are made with onnx itself."""
 
 import numpy as np
 import onnx
