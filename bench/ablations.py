@@ -70,11 +70,7 @@ def named_variant(group, name):
 
 FEATURELESS = named_variant("features", "no feature at all")
 PAIRS = [
-    Pair(
-        "all skips, frames as they are",
-        Variant("skip", "nothing skipped", ("--set", "skip=none")),
-        VARIANTS[0],
-    ),
+    Pair("all skips, frames as they are", Variant("skip", "nothing skipped", ("--set", "skip=none")), VARIANTS[0]),
     Pair(
         "still blocks, right half background",
         Variant("half-empty", "still blocks computed", ("--set", "skip=features")),

@@ -168,7 +168,7 @@ class Record:
 
     def goals_table(self):
         if self.about["steps_limit"]:
-            return f"Not judged: a trial of {self.about['steps_limit']} steps a fit."
+            return f"Not judged: a trial of {self.about['steps_limit']} steps per fit."
         verdicts = [v for preset in self.rated() for v in self.verdicts(preset)]
         if not verdicts:
             return "Not judged: no preset that has goals was run."

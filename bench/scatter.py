@@ -20,10 +20,7 @@ def svg(title, subtitle, predictions):
     ]
     if not any(points for _, points in panels):
         return None
-    body = [
-        text(LEFTS[0], 28, title, size=17),
-        text(LEFTS[0], 48, subtitle, colour="#555", size=12),
-    ]
+    body = [text(LEFTS[0], 28, title, size=17), text(LEFTS[0], 48, subtitle, colour="#555", size=12)]
     for left, (name, points) in zip(LEFTS, panels):
         if points:
             body += panel(left, name, points)

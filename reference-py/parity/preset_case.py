@@ -25,11 +25,7 @@ def cases():
     case = Case(
         NAME,
         "The paper's 20 epochs on the sample frame in float32: every step's loss and the final relL2.",
-        {
-            "kind": NAME,
-            "frame": "tests/data/sample",
-            "tile": tile.height,
-        },
+        {"kind": NAME, "frame": "tests/data/sample", "tile": tile.height},
     )
     case.put(
         rates=np.float32([step.rate for step in schedule.steps]),

@@ -106,10 +106,7 @@ def pipeline_case():
     )
     halves = [random.buffer(height, width) for _ in "ab"]
     flat = weights(random, 16)
-    case.put(
-        weights=flat,
-        **{role: np.stack([half[role] for half in halves]) for role in features.CHANNELS},
-    )
+    case.put(weights=flat, **{role: np.stack([half[role] for half in halves]) for role in features.CHANNELS})
     image = torch.cat([features.assemble(**{role: double(plane) for role, plane in half.items()}) for half in halves])
     net = double_network(flat, 16)
     stages = net.stages(image)

@@ -61,12 +61,7 @@ def cases():
     case = Case(
         "training",
         "Twenty Adam steps in both forms: losses before each step, weights after the last.",
-        {
-            "kind": "training",
-            "radius": gc.RADIUS,
-            "tile": SIZE,
-            "adam": dataclasses.asdict(ADAM),
-        },
+        {"kind": "training", "radius": gc.RADIUS, "tile": SIZE, "adam": dataclasses.asdict(ADAM)},
     )
     a, b = halves(random)
     origins = tiles(random)

@@ -6,13 +6,7 @@ import torch
 
 # Channels of the raw outputs and of the activated parameters.
 SLOPES = {"beta_denoised": slice(0, 3), "beta_albedo": slice(3, 6), "beta_normal": slice(6, 9)}
-BANDWIDTHS = {
-    "gamma_albedo": 9,
-    "gamma_normal": 10,
-    "gamma_visibility": 11,
-    "gamma_radiance": 12,
-    "gamma_denoised": 13,
-}
+BANDWIDTHS = {"gamma_albedo": 9, "gamma_normal": 10, "gamma_visibility": 11, "gamma_radiance": 12, "gamma_denoised": 13}
 TAU = 14
 GATE = 15
 

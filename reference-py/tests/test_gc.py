@@ -87,10 +87,7 @@ def test_gradients_are_finite_differences(outputs):
             with torch.no_grad():
                 slope = (objective(raw + moved) - objective(raw - moved)) / (2 * step)
             assert math.isclose(
-                raw.grad[0, channel, row, column],
-                slope,
-                rel_tol=FINITE_DIFFERENCE,
-                abs_tol=FINITE_DIFFERENCE,
+                raw.grad[0, channel, row, column], slope, rel_tol=FINITE_DIFFERENCE, abs_tol=FINITE_DIFFERENCE
             ), (channel, row, column)
 
 
