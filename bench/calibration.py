@@ -30,39 +30,23 @@ class Prediction:
 
 
 def predictions(results):
-    """Predictions of every successful result that has an estimate and a reference.
+    """Predictions of every successful result with an estimate and a reference.
 
-    An estimate concerns the mean of both halves. The truth is the relL2 of that picture (`halves` in the report) or,
-    in reports without it, of the full buffer's, which is lower. The estimate of the denoised picture hardly depends
-    on seed or preset and is taken once per frame.
+    An estimate concerns the mean of both halves, and so does its truth (`halves`; frames with missing pixels have
+    none). The estimate of the denoised picture hardly depends on seed or preset and is taken once per frame.
     """
     out, seen = [], set()
     for result in results:
-        known, report = result.get("rel_l2"), result.get("report") or {}
-        estimate = report.get("estimate")
-        if result["failure"] or not known or not estimate or result["repeat"] > 0:
+        truth, estimate = (result.get("rel_l2") or {}).get("halves"), (result.get("report") or {}).get("estimate")
+        if result["failure"] or not truth or not estimate or result["repeat"] > 0:
             continue
-        true = known.get("halves") or known
-        of = {DENOISED: true["denoised"], CORRECTED: true["corrected"], GAIN: true["denoised"] - true["corrected"]}
-        said = {DENOISED: estimate.get("denoised"), CORRECTED: estimate.get("corrected"), GAIN: gain(estimate)}
-        for what in WHATS:
-            if not said[what] or (what == DENOISED and result["frame"] in seen):
-                continue
-            mean = said[what]
-            out.append(
-                Prediction(result["frame"], result["column"], what, mean["value"], mean.get("standard_error"), of[what])
-            )
+        truth = truth | {"gain": truth["denoised"] - truth["corrected"]}
+        for what, key in zip(WHATS, ("denoised", "corrected", "gain")):
+            if what != DENOISED or result["frame"] not in seen:
+                value, error = estimate[key]["value"], estimate[key]["standard_error"]
+                out.append(Prediction(result["frame"], result["column"], what, value, error, truth[key]))
         seen.add(result["frame"])
     return out
-
-
-def gain(estimate):
-    """The estimated gain: as reported, else the difference, whose standard error is unknown."""
-    if estimate.get("gain"):
-        return estimate["gain"]
-    if estimate.get("denoised") and estimate.get("corrected"):
-        return {"value": estimate["denoised"]["value"] - estimate["corrected"]["value"], "standard_error": None}
-    return None
 
 
 @dataclass(frozen=True)

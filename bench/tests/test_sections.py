@@ -58,16 +58,13 @@ class Calibration(unittest.TestCase):
         self.assertEqual([found[what].within(1) for what in calibration.WHATS], [True, False, False])
         self.assertEqual([found[what].within(2) for what in calibration.WHATS], [True, True, True])
 
-    def test_without_those_the_full_buffers_stand_in_and_the_gain_has_no_error(self):
-        old = predicted("f", {"denoised": (0.02, 0.001), "corrected": (0.01, 0.001)})
-        del old["rel_l2"]["halves"]
-        found = {p.what: p for p in calibration.predictions([old])}
-        self.assertEqual(found[calibration.DENOISED].truth, 0.01)
-        self.assertAlmostEqual(found[calibration.GAIN].predicted, 0.01)
-        self.assertIsNone(found[calibration.GAIN].within(1))
+    def test_a_frame_without_the_halves_figures_has_no_prediction(self):
+        unknown = predicted("f", {"denoised": (0.02, 0.001), "corrected": (0.01, 0.001), "gain": (0.01, 0.001)})
+        del unknown["rel_l2"]["halves"]
+        self.assertEqual(calibration.predictions([unknown]), [])
 
     def test_the_denoised_picture_counts_once_a_frame_and_failures_never(self):
-        both = {"denoised": (0.02, 0.001), "corrected": (0.01, 0.001)}
+        both = {"denoised": (0.02, 0.001), "corrected": (0.01, 0.001), "gain": (0.01, 0.001)}
         results = [
             predicted("f", both),
             predicted("f", both, column="slow"),
