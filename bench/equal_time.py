@@ -33,6 +33,34 @@ class Ladder:
         samples, reached = self.steps[index]
         return samples * math.exp(math.log(error / reached) / slopes[index])
 
+    def error_at(self, samples):
+        """The denoiser's relL2 at this many samples; None with fewer than two steps."""
+        if len(self.steps) < 2:
+            return None
+        above = next((i for i, (s, _) in enumerate(self.steps) if s >= samples), len(self.steps) - 1)
+        (start, error), slope = self.steps[max(above, 1) - 1], self.slopes()[max(above, 1) - 1]
+        return error * (samples / start) ** slope
+
+
+@dataclass(frozen=True)
+class EqualTime:
+    """What a column's seconds would buy as samples."""
+
+    # Samples per pixel after the column's seconds of further rendering; None where the frame's are unknown.
+    spp: float | None
+    factor: float
+    # relL2 of the noisy and of the denoised picture there; None: see `Ladder.error_at`.
+    noisy: float
+    denoised: float | None
+
+
+def equal_time(noisy, spp, render_seconds, extra_seconds, points):
+    """`noisy` is relL2; `points` are (spp, relL2 of the denoised picture) of the same scene."""
+    factor = 1 + extra_seconds / render_seconds
+    more = spp * factor if spp else None
+    known = Ladder(tuple(sorted((s, e) for s, e in points if s and e and e > 0)), None)
+    return EqualTime(more, factor, noisy / factor, known.error_at(more) if more else None)
+
 
 def ladders(points):
     """Ladders by scene; `points`: (scene, samples, relL2 of the denoised picture)."""

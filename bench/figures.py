@@ -1,4 +1,4 @@
-"""From results to figures: one cell per frame and column, means over frames, equal time. Pure functions."""
+"""From results to figures: one cell per frame and column, means over frames. Pure functions."""
 
 import math
 from dataclasses import dataclass
@@ -137,36 +137,3 @@ def worst(frames, found, column):
     known = [(found[f.name, column].ratio, f.name) for f in frames if (f.name, column) in found]
     known = [(ratio, name) for ratio, name in known if ratio is not None]
     return max(known) if known else None
-
-
-@dataclass(frozen=True)
-class EqualTime:
-    """What a column's seconds would have bought as samples."""
-
-    # Samples per pixel after the column's seconds of further rendering; None where the frame's are unknown.
-    spp: float | None
-    factor: float
-    noisy: float
-    # The denoiser's relL2 there, inter- or extrapolated over the scene's sample counts; None with only one.
-    denoised: float | None
-
-
-def equal_time(row, spp, render_seconds, extra_seconds, ladder):
-    """Noise variance falls with 1 / samples; the denoiser's error along a straight line in log-log.
-
-    `ladder`: (spp, relL2 of the denoiser) of the same scene.
-    """
-    factor = 1 + extra_seconds / render_seconds
-    more = spp * factor if spp else None
-    return EqualTime(more, factor, row.noisy / factor, interpolate(ladder, more) if more else None)
-
-
-def interpolate(ladder, spp):
-    """Log-log interpolation between the two nearest of at least two points, by increasing spp; None with fewer."""
-    points = sorted((s, e) for s, e in ladder if s and e and e > 0)
-    if len(points) < 2:
-        return None
-    above = next((i for i, (s, _) in enumerate(points) if s >= spp), len(points) - 1)
-    (s0, e0), (s1, e1) = points[max(above, 1) - 1], points[max(above, 1)]
-    share = (math.log(spp) - math.log(s0)) / (math.log(s1) - math.log(s0))
-    return math.exp(math.log(e0) + share * (math.log(e1) - math.log(e0)))

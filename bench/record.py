@@ -308,7 +308,7 @@ class Record:
             for heading, _, _ in self.columns:
                 ratio, cell = self.ratio(frame.name, heading), self.cells.get((frame.name, heading))
                 if ratio is not None:
-                    bought = figures.equal_time(row, frame.spp, seconds, cell.seconds, ladder)
+                    bought = equal_time.equal_time(row.noisy, frame.spp, seconds, cell.seconds, ladder)
                     about = {"frame": frame.name, "column": heading, "render_seconds": seconds}
                     out.append(about | {"corrected": ratio * row.denoised} | asdict(bought))
         return out

@@ -122,15 +122,6 @@ class Figures(unittest.TestCase):
         self.assertAlmostEqual(cell.ratio, 1.0)
         self.assertEqual((cell.seconds, cell.least_seconds, cell.most_seconds), (2.0, 1.0, 5.0))
 
-    def test_equal_time(self):
-        row = figures.Row("f", 1, noisy=0.08, denoised=0.02, mix=None)
-        bought = figures.equal_time(row, 16, 10.0, 30.0, [(16, 0.02), (256, 0.005)])
-        self.assertAlmostEqual(bought.factor, 4.0)
-        self.assertAlmostEqual(bought.noisy, 0.02)
-        # 64 spp is half way between 16 and 256 in log: the geometric mean of both errors.
-        self.assertAlmostEqual(bought.denoised, 0.01)
-        self.assertIsNone(figures.equal_time(row, 16, 10.0, 30.0, [(16, 0.02)]).denoised)
-
     def test_time_left(self):
         self.assertIsNone(jobs.seconds_left([], ["fast"]))
         self.assertAlmostEqual(

@@ -38,6 +38,14 @@ class EqualTime(unittest.TestCase):
         self.assertIsNone(equal_time.ladders([("b", 64, 0.2)])["b"].samples_for(0.1))
         self.assertIsNone(equal_time.ladders([("b", 16, 0.1), ("b", 64, 0.2)])["b"].samples_for(0.05))
 
+    def test_equal_time(self):
+        bought = equal_time.equal_time(0.08, 16, 10.0, 30.0, [(16, 0.02), (256, 0.005)])
+        self.assertAlmostEqual(bought.factor, 4.0)
+        self.assertAlmostEqual(bought.noisy, 0.02)
+        # 64 spp is half way between 16 and 256 in log: the geometric mean of both errors.
+        self.assertAlmostEqual(bought.denoised, 0.01)
+        self.assertIsNone(equal_time.equal_time(0.08, 16, 10.0, 30.0, [(16, 0.02)]).denoised)
+
     def test_worth(self):
         ladder = equal_time.Ladder(((16, 0.1), (64, 0.05)), None)
         w = equal_time.worth("f", 16, 0.8, 0.05, "fast", 3.0, ladder)
