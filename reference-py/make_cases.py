@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import torch
-
 from parity import gc_cases, preset_case, stage_cases, training_cases
 
 DEFAULT_ROOT = Path(__file__).resolve().parent.parent / "tests" / "cases"

@@ -1,7 +1,7 @@
 //! Cuts, repeats or blanks OpenEXR files, all parts and channels, sample types kept, ZIP: how the sample frames of the
 //! repository were made, and how benchmarks make large frames and one with an empty half.
 //!
-//!     cargo run --release -p sspc-core --example edit_exr -- crop IN.exr OUT.exr LEFT TOP WIDTH HEIGHT
+//!     cargo run --release -p sspc-frames --example edit_exr -- crop IN.exr OUT.exr LEFT TOP WIDTH HEIGHT
 //!     ... mirror IN.exr OUT.exr WIDTH HEIGHT                  copies, every second one mirrored, until the size is filled
 //!     ... blank IN.exr OUT.exr LEFT TOP WIDTH HEIGHT          a rectangle of zeros
 

@@ -1,6 +1,6 @@
 //! Shows an OpenEXR picture as PNG through the preview's tone curve.
 //!
-//!     cargo run --release -p sspc-core --example preview -- IN.exr OUT.png [EXPOSURE]
+//!     cargo run --release -p sspc-frames --example preview -- IN.exr OUT.png [EXPOSURE]
 
 use sspc_frames::{preview, read_picture};
 

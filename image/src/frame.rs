@@ -6,14 +6,17 @@ use std::path::PathBuf;
 /// Which channels of which file filled a role.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RoleSource {
+    /// What the channels mean.
     pub role: Role,
+    /// Which samples they were made from.
     pub buffer: Buffer,
+    /// The file.
     pub path: PathBuf,
     /// Full channel names as in the file, in component order.
     pub channels: Vec<String>,
 }
 
-/// One half of the samples, with all that was rendered or denoised from it alone.
+/// One half of the samples: everything rendered or denoised from it alone.
 #[derive(Clone, Debug)]
 pub struct HalfBuffer {
     /// y: linear scene-referred RGB, `[3, H, W]`.
@@ -28,21 +31,23 @@ pub struct HalfBuffer {
     pub visibility: Option<Image>,
 }
 
-/// A rendered reference; its own halves let its noise be taken out of relL2.
+/// A rendered reference; with halves of its own, its noise can be removed from relL2.
 #[derive(Clone, Debug)]
 pub struct Reference {
-    /// `[3, H, W]`
+    /// Radiance, `[3, H, W]`.
     pub mean: Image,
     /// Two independent halves of which `mean` is the mean.
     pub halves: Option<[Image; 2]>,
 }
 
-/// A frame: two half buffers of one size, and what was made of both together.
+/// A frame: two half buffers of one size, and the denoised full buffer.
 #[derive(Clone, Debug)]
 pub struct Frame {
+    /// One half of the samples.
     pub a: HalfBuffer,
+    /// The other half.
     pub b: HalfBuffer,
-    /// The denoiser's output on the full buffer; without it the mean of both halves' is the baseline.
+    /// The denoiser's output on the full buffer; without it, the mean of both denoised halves is the baseline.
     pub denoised: Option<Image>,
     /// Which channel filled which role, in the order read.
     pub sources: Vec<RoleSource>,
@@ -80,7 +85,7 @@ impl Frame {
         self.a.feature(feature).is_some() || self.b.feature(feature).is_some()
     }
 
-    /// Whether some pixel of the feature is finite in every half that has it.
+    /// Whether at least one pixel of the feature is finite in every half that has it.
     pub fn has_finite(&self, feature: Role) -> bool {
         let images: Vec<&Image> = [&self.a, &self.b].into_iter().filter_map(|half| half.feature(feature)).collect();
         let finite = |i: usize| images.iter().all(|f| (0..f.channels()).all(|c| f.plane(c)[i].is_finite()));
@@ -98,7 +103,7 @@ impl Frame {
         }
     }
 
-    /// The rows `top..top + height` of the colours alone, without the features.
+    /// The rows `top..top + height` of radiance and denoised, without the features.
     pub fn colours(&self, top: usize, height: usize) -> Frame {
         let cut = |image: &Image| image.crop(top, 0, height, image.width());
         let half = |h: &HalfBuffer| HalfBuffer {
@@ -117,10 +122,12 @@ impl Frame {
         }
     }
 
+    /// Height in pixels.
     pub fn height(&self) -> usize {
         self.a.radiance.height()
     }
 
+    /// Width in pixels.
     pub fn width(&self) -> usize {
         self.a.radiance.width()
     }

@@ -1,8 +1,8 @@
-//! Planar f32 images, the one container that every stage passes on.
+//! Planar f32 images, which every stage takes and returns.
 
 use rayon::prelude::*;
 
-/// Fewest values that are worth another thread.
+/// Fewest values worth a thread of their own.
 const LEAST_SHARE: usize = 1 << 14;
 
 /// A planar image `[channels, height, width]` of f32, rows from top to bottom.
@@ -64,7 +64,7 @@ impl Image {
         image
     }
 
-    /// Hands every row (channel, y) to `change`, on all threads.
+    /// Calls `change` with every row (channel, y), on all threads.
     pub fn for_each_row(&mut self, change: impl Fn(usize, usize, &mut [f32]) + Sync) {
         let (height, width) = (self.height, self.width);
         if self.data.is_empty() {
@@ -74,14 +74,17 @@ impl Image {
         rows.for_each(|(row, values)| change(row / height, row % height, values));
     }
 
+    /// Number of planes.
     pub fn channels(&self) -> usize {
         self.channels
     }
 
+    /// Height in pixels.
     pub fn height(&self) -> usize {
         self.height
     }
 
+    /// Width in pixels.
     pub fn width(&self) -> usize {
         self.width
     }
@@ -96,11 +99,12 @@ impl Image {
         &self.data
     }
 
+    /// All planes, one after another, to be changed.
     pub fn data_mut(&mut self) -> &mut [f32] {
         &mut self.data
     }
 
-    /// Gives the planes away.
+    /// All planes, one after another, without the image.
     pub fn into_data(self) -> Vec<f32> {
         self.data
     }
@@ -115,21 +119,22 @@ impl Image {
         &self.data[(c * self.height + y) * self.width..][..self.width]
     }
 
+    /// Plane `c`, to be changed.
     pub fn plane_mut(&mut self, c: usize) -> &mut [f32] {
         let pixels = self.pixels();
         &mut self.data[c * pixels..(c + 1) * pixels]
     }
 
-    /// Every plane by itself.
+    /// Iterates over the planes.
     pub fn all_planes_mut(&mut self) -> std::slice::ChunksExactMut<'_, f32> {
         let pixels = self.pixels().max(1);
         self.data.chunks_exact_mut(pixels)
     }
 
-    /// The three planes of a picture of three channels.
+    /// The three planes of a picture.
     ///
     /// # Panics
-    /// When there are other channels.
+    /// Unless there are three channels.
     pub fn planes_mut(&mut self) -> [&mut [f32]; 3] {
         assert_eq!(self.channels, 3, "channels of a picture");
         let pixels = self.pixels();
@@ -138,15 +143,17 @@ impl Image {
         [r, g, b]
     }
 
+    /// The value at row `y`, column `x` of plane `c`.
     pub fn at(&self, c: usize, y: usize, x: usize) -> f32 {
         self.data[(c * self.height + y) * self.width + x]
     }
 
+    /// Sets the value at row `y`, column `x` of plane `c`.
     pub fn set(&mut self, c: usize, y: usize, x: usize, value: f32) {
         self.data[(c * self.height + y) * self.width + x] = value;
     }
 
-    /// Same width and height, whatever the channels.
+    /// Whether width and height are equal; channels may differ.
     pub fn same_size(&self, other: &Image) -> bool {
         self.height == other.height && self.width == other.width
     }
@@ -154,7 +161,7 @@ impl Image {
     /// The rectangle at (`top`, `left`) of `height` x `width` pixels.
     ///
     /// # Panics
-    /// When the rectangle leaves the image.
+    /// When the rectangle does not lie inside the image.
     pub fn crop(&self, top: usize, left: usize, height: usize, width: usize) -> Image {
         assert!(top + height <= self.height && left + width <= self.width, "crop leaves the image");
         let mut data = Vec::with_capacity(self.channels * height * width);
@@ -182,7 +189,7 @@ impl Image {
         }
     }
 
-    /// Puts the rows of an image of the same channels and width in the place of those from `top` on.
+    /// Overwrites the rows from `top` on with those of `rows`, which has the same channels and width.
     ///
     /// # Panics
     /// When they do not fit.
@@ -191,7 +198,7 @@ impl Image {
         self.put(top, 0, rows);
     }
 
-    /// The mean of two images of one shape; of finite values it is finite.
+    /// The mean of two images of one shape, computed so that finite values do not overflow.
     pub fn mean_of(a: &Image, b: &Image) -> Image {
         assert!(a.same_size(b) && a.channels == b.channels, "mean of images of one shape");
         Self::from_rows(a.channels, a.height, a.width, |c, y, row| {

@@ -1,4 +1,4 @@
-//! Planar images, and what a frame consists of: the vocabulary that files and method share.
+//! Planar images, and what a frame consists of: the types that files and method share.
 #![forbid(unsafe_code)]
 
 mod display;

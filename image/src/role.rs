@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// What a channel of a file means to the method (see the role table of the README).
+/// What a channel of a file means to the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Role {
     /// Noisy radiance y, 3 channels.
@@ -17,7 +17,7 @@ pub enum Role {
     Visibility,
 }
 
-/// Which of the sample sets an image was made from.
+/// Which samples an image was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Buffer {
     /// Half buffer a.
@@ -32,10 +32,10 @@ impl Role {
     /// All roles, in the order they are read.
     pub const ALL: [Role; 5] = [Role::Radiance, Role::Denoised, Role::Albedo, Role::Normal, Role::Visibility];
 
-    /// The optional features, in the order of the network's inputs but for visibility.
+    /// The optional features.
     pub const FEATURES: [Role; 3] = [Role::Albedo, Role::Normal, Role::Visibility];
 
-    /// The word for this role on command lines and in reports.
+    /// Its name on command lines and in reports.
     pub fn name(self) -> &'static str {
         match self {
             Role::Radiance => "radiance",
@@ -48,7 +48,7 @@ impl Role {
 }
 
 impl Buffer {
-    /// The word for this buffer on command lines and in reports.
+    /// Its name on command lines and in reports.
     pub fn name(self) -> &'static str {
         match self {
             Buffer::A => "a",

@@ -1,6 +1,6 @@
-//! Text from files, for people.
+//! Text from files, made safe to print.
 
-/// Text from a file made safe for one line: control characters escaped, long text cut.
+/// Text from a file as part of one line: control characters escaped, long text cut.
 pub fn shown(text: &str) -> String {
     const LONGEST: usize = 200;
     let mut line: String = text.chars().take(LONGEST).flat_map(|c| escape(c).collect::<Vec<_>>()).collect();

@@ -1,7 +1,7 @@
 //! Times the network by our kernels and by tract, and g_c, on made-up features:
 //! `engine_speed FOLDER HEIGHT WIDTH [REPEATS]`. Prints one JSON object a line, least of the repeats, and leaves in
 //! FOLDER network.onnx and rows.f32, the parameters of some rows, for other engines to be compared with.
-//! `tests/network-bench` runs it beside onnxruntime and PyTorch.
+//! `bench/network` runs it beside onnxruntime and PyTorch.
 
 use sspc_core::corrector::correct;
 use sspc_core::plan::Plan;
@@ -85,7 +85,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let count = contract.shape.parameter_count();
     let weights = (0..count).map(|i| ((i * 7919 + 13) % 1009) as f32 / 4036.0 - 0.125).collect();
     let model = Model::new(contract, weights)?;
-    // The same formula as in tests/benchlib/network.py.
+    // The same formula as in bench/network.py.
     let features =
         Image::from_fn(FEATURE_CHANNELS, height, width, |c, y, x| ((c * 31 + y * 17 + x * 7) % 101) as f32 / 101.0);
     let everything = Plan::everything(height, width);

@@ -29,7 +29,8 @@ pub struct EvaluateArguments {
     #[arg(long, value_name = "Z.exr")]
     pub denoised: Option<PathBuf>,
 
-    /// Factor on radiance before the display curve of PSNR, SSIM and FLIP [default: puts the reference's mean at mid-grey]
+    /// Factor on radiance before the display curve of PSNR, SSIM and FLIP [default: puts the geometric mean of the
+    /// reference's luminance at middle grey, 0.18]
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub exposure: Option<f32>,
 

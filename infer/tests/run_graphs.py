@@ -1,16 +1,15 @@
-"""Checks both graphs in onnxruntime. In the working folder lie network.onnx, image.onnx, and for every NAME and
-shape of arrays.json a file NAME.f32; writes parameters.f32, corrected.f32 and halves.f32."""
+"""Runs both graphs in onnxruntime. The working folder holds network.onnx, image.onnx and a file NAME.f32 for every NAME
+and shape of arrays.json; this writes parameters.f32, corrected.f32 and halves.f32."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import onnx
 import onnxruntime
 
-arrays = {
-    name: np.fromfile(f"{name}.f32", np.float32).reshape(shape)
-    for name, shape in json.load(open("arrays.json")).items()
-}
+shapes = json.loads(Path("arrays.json").read_text())
+arrays = {name: np.fromfile(f"{name}.f32", np.float32).reshape(shape) for name, shape in shapes.items()}
 for graph in ("network.onnx", "image.onnx"):
     onnx.checker.check_model(onnx.load(graph), full_check=True)
 

@@ -1,5 +1,5 @@
 //! How fast the kernels run on one thread, under every instruction set, and that they are right
-//! while they do: `cargo run --release -p sspc-core --example kernel_rates`.
+//! while they do: `cargo run --release -p sspc-kernels --example kernel_rates`.
 
 use fastrand::Rng;
 use sspc_image::Image;

@@ -14,15 +14,17 @@ const SSIM_C2: f64 = 0.03 * 0.03;
 
 /// A picture and its reference as displayed, 0..1 sRGB-encoded, in f32 (not rounded to 8 bits).
 pub struct Displayed {
+    /// The picture, `[3, H, W]`.
     pub picture: Image,
+    /// The reference, `[3, H, W]`.
     pub reference: Image,
-    /// Per pixel: both were finite. A missing pixel shows the reference's value (or black) in both, so that it
-    /// disturbs no window.
+    /// Per pixel: both were finite. Other pixels get the reference's value (or black) in both, so that they do not
+    /// affect the windows of their neighbours.
     pub valid: Vec<bool>,
 }
 
 impl Displayed {
-    /// Takes two `[3, H, W]` images of scene-referred RGB through the curve.
+    /// Applies the curve to two `[3, H, W]` images of scene-referred RGB.
     ///
     /// # Panics
     /// When the images do not have one shape of 3 channels.
@@ -54,7 +56,7 @@ impl Displayed {
         self.valid.iter().filter(|valid| **valid).count() as u64
     }
 
-    /// Peak signal-to-noise ratio in dB, peak 1, over all channels; infinite for equal pictures, NaN without pixels.
+    /// Peak signal-to-noise ratio in dB, peak 1, over all channels; infinite for equal pictures, NaN without valid pixels.
     pub fn psnr(&self) -> f64 {
         let mut sum = 0.0;
         for c in 0..3 {
@@ -67,8 +69,8 @@ impl Displayed {
         -10.0 * (sum / (3 * self.valid_pixels()) as f64).log10()
     }
 
-    /// Structural similarity of the luma (Wang et al. 2004), -1..1, mean over pixels; the edge pixels are repeated
-    /// beyond the border. NaN without pixels.
+    /// Structural similarity of the luma (Wang et al. 2004), -1..1, mean over pixels; edge pixels are repeated beyond
+    /// the border. NaN without valid pixels.
     pub fn ssim(&self) -> f64 {
         let taps = normalised(gaussian(SSIM_SIGMA, SSIM_RADIUS));
         let (x, r) = (luma(&self.picture), luma(&self.reference));
@@ -89,7 +91,7 @@ impl Displayed {
         sum / self.valid_pixels() as f64
     }
 
-    /// ꟻLIP (see [`crate::flip`]), 0..1, mean over pixels. NaN without pixels.
+    /// ꟻLIP (see [`crate::flip`]), 0..1, mean over pixels. NaN without valid pixels.
     pub fn flip(&self) -> f64 {
         let map = flip_map(&self.picture, &self.reference, PIXELS_PER_DEGREE);
         let errors = map.data.iter().zip(&self.valid).filter(|(_, valid)| **valid);

@@ -5,13 +5,16 @@ use rayon::prelude::*;
 /// A plane `[H, W]` of f32.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Row after row, `width * height` values.
     pub data: Vec<f32>,
 }
 
 impl Plane {
-    /// A plane made pixel by pixel from its index.
+    /// A plane whose pixel `i`, row after row, is `value(i)`.
     pub fn from_fn(width: usize, height: usize, value: impl Fn(usize) -> f32 + Sync + Send) -> Self {
         Self { width, height, data: (0..width * height).into_par_iter().map(value).collect() }
     }
@@ -63,7 +66,7 @@ pub fn gaussian(sigma: f64, radius: usize) -> Vec<f64> {
     offsets(radius).map(|x| (-x * x / (2.0 * sigma * sigma)).exp()).collect()
 }
 
-/// Whole numbers from `-radius` to `radius`.
+/// Integers from `-radius` to `radius`.
 pub fn offsets(radius: usize) -> impl Iterator<Item = f64> {
     (-(radius as i64)..=radius as i64).map(|x| x as f64)
 }

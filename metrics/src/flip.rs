@@ -1,8 +1,8 @@
 //! ꟻLIP for displayed pictures: what an observer notices when flipping between two images.
 //!
 //! P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström, M. D. Fairchild, "FLIP: A Difference
-//! Evaluator for Alternating Images", HPG 2020. Section numbers below are the paper's. Written from the paper
-//! because the available crate wraps C++; a test holds this to that crate's value.
+//! Evaluator for Alternating Images", HPG 2020. Section numbers below are the paper's. Written from the paper because the
+//! available crate wraps C++; a test compares it with that crate's result.
 
 use crate::filter::{Plane, gaussian, normalised, offsets};
 use sspc_image::Image;
@@ -19,7 +19,7 @@ const RGB_TO_XYZ: [[f64; 3]; 3] = [
 ];
 /// Contrast sensitivity as sums of Gaussians, (a, b) of each term: achromatic, red-green, blue-yellow (Table 1).
 const SENSITIVITY: [&[(f64, f64)]; 3] = [&[(1.0, 0.0047)], &[(1.0, 0.0053)], &[(34.1, 0.04), (13.5, 0.025)]];
-/// The widest term of the sensitivities decides the radius.
+/// The widest Gaussian of the sensitivities, which sets the radius.
 const WIDEST: f64 = 0.04;
 /// Exponents of colour and feature differences (Sects. 4.1.3 and 4.2.2).
 const COLOUR_EXPONENT: f64 = 0.7;
@@ -53,7 +53,7 @@ pub fn flip_map(picture: &Image, reference: &Image, pixels_per_degree: f64) -> P
     })
 }
 
-/// A picture as the eye at that distance gets it.
+/// A picture as seen at that distance.
 struct Perceived {
     /// Hunt-adjusted L*a*b* after the contrast sensitivity (Sect. 4.1).
     lab: [Plane; 3],

@@ -1,4 +1,4 @@
-//! How far a picture is from its reference.
+//! Errors of a picture against a reference: relL2, SMAPE, PSNR, SSIM, ꟻLIP.
 //!
 //! [`relative`] works on radiance; [`displayed`] and [`flip`] on what a viewer sees, through
 //! [`sspc_image::display`]; [`summary`] is all of them at once. All sums are f64 in a fixed order, so that

@@ -4,26 +4,25 @@ use sspc_image::{Image, Reference};
 
 /// Added to the squared channel mean so that black does not divide by zero (Rousselle et al. 2011).
 pub const REL_L2_EPSILON: f64 = 0.01;
-/// Below this sum of magnitudes SMAPE counts a value as equal.
+/// Below this sum of magnitudes SMAPE counts two values as equal.
 const SMAPE_TINY: f64 = 1e-12;
 
-/// A mean over pixels, with what was left out.
+/// A mean over pixels, its standard error, and how many pixels were left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
-    /// The mean; NaN when no pixel was left.
+    /// The mean; NaN without valid pixels.
     pub value: f64,
     /// Standard error of the mean, taking pixels as independent; NaN below two pixels.
     pub standard_error: f64,
-    /// Pixels that entered.
+    /// Pixels averaged.
     pub pixels: u64,
     /// Pixels left out because a value of the picture or the reference is NaN or infinite.
     pub excluded: u64,
 }
 
 /// relL2 = mean over pixels and channels of ((x − r)² − n²) / (r̄² + 0.01), r̄ the channel mean of the
-/// reference (Rousselle et al. 2011). With reference halves r^a, r^b, n = (r^a − r^b)/2 takes the
-/// reference's own noise out, so that a perfect picture has an expected relL2 of 0 (and may be measured below it);
-/// otherwise n = 0.
+/// reference (Rousselle et al. 2011). With reference halves r^a, r^b, n = (r^a − r^b)/2 removes the reference's own
+/// noise: the expected relL2 of a perfect picture is 0, and a measured one may be negative. Otherwise n = 0.
 ///
 /// # Panics
 /// When the images do not have one shape.
@@ -31,14 +30,13 @@ pub fn rel_l2(image: &Image, reference: &Reference) -> Measured {
     measure(image, reference, |x, r, noise, mean| ((x - r) * (x - r) - noise * noise) / (mean * mean + REL_L2_EPSILON))
 }
 
-/// How much less relL2 `image` has than `other`, whatever the noise of the reference: the mean of
-/// ½ Σ ((z − r^a)² − (x − r^a)²) / (r̄^b² + 0.01) over both orders of the reference's halves; None
-/// without halves.
+/// The gain in relL2 of `image` (x) over `other` (z), unbiased by noise of the reference: the mean of
+/// ½ Σ ((z − r^a)² − (x − r^a)²) / (r̄^b² + 0.01) over both orders of the reference's halves; None without halves.
 ///
-/// [`rel_l2`] has the reference's noise in its numerator and its denominator alike. A pixel whose reference is dark by
-/// chance counts more and asks for a dark picture, so a picture that is too dark looks better than it is, the more so
-/// the noisier the reference. Here r^a is independent of the denominator, and in the difference of two pictures its
-/// square cancels: the expectation is that of ((z − μ)² − (x − μ)²) / (r̄^b² + 0.01).
+/// [`rel_l2`] has the reference's noise in both numerator and denominator. A pixel whose reference is dark by chance
+/// counts more and favours a dark picture, the more so the noisier the reference. Here r^a is independent of the
+/// denominator, and its square cancels in the difference of two pictures: the expectation is that of
+/// ((z − μ)² − (x − μ)²) / (r̄^b² + 0.01).
 ///
 /// # Panics
 /// When the images do not have one shape.
@@ -70,8 +68,8 @@ pub fn smape(image: &Image, reference: &Reference) -> Measured {
     })
 }
 
-/// Mean of the picture over that of the reference, Σx / Σr over pixels finite in both and all channels: 1 where no energy
-/// was lost or added; NaN where the reference is black.
+/// Mean radiance of the picture over that of the reference, Σx / Σr over the pixels finite in both and all channels: 1 if
+/// no energy is lost or added; NaN if the reference is black.
 ///
 /// # Panics
 /// When the images do not have one shape.

@@ -8,11 +8,11 @@ use sspc_image::{Image, Reference};
 /// What `evaluate` reports of one picture. Non-finite figures are `null` in JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figures {
-    /// [`rel_l2`], the reference's own noise taken out when it has halves.
+    /// [`rel_l2`], without the reference's own noise where it has halves.
     pub rel_l2: f64,
     /// Standard error of `rel_l2` over pixels taken as independent.
     pub rel_l2_standard_error: f64,
-    /// [`brightness`]: 1 where no energy was lost or added.
+    /// [`brightness`]: 1 if no energy is lost or added.
     pub brightness: f64,
     /// [`smape`], 0..2.
     pub smape: f64,
@@ -24,7 +24,7 @@ pub struct Figures {
     pub flip: f64,
     /// Pixels measured.
     pub pixels: u64,
-    /// Pixels left out as NaN or infinite.
+    /// Pixels left out because they are NaN or infinite.
     pub excluded: u64,
 }
 

@@ -1,6 +1,5 @@
-//! Writes both graphs of an untrained model: `write_graphs FOLDER [paper|gated]`. The gated one
-//! starts as a smoothed residual on top of the denoiser's picture and is of use as it is; the
-//! paper's has random weights.
+//! Writes both graphs of an untrained model: `write_graphs FOLDER [paper|gated]`. The gated model adds a smoothed residual
+//! to the denoiser's picture and is usable as it is; the paper's has random weights.
 
 use sspc_core::rng::Rng;
 use sspc_core::start;

@@ -1,8 +1,8 @@
-//! Small helpers that put nodes, constants and typed inputs and outputs into a graph.
+//! Helpers that add nodes, constants, inputs and outputs to a graph.
 
 use crate::messages::*;
 
-/// A graph under construction. Every method that makes a value returns its name.
+/// A graph under construction. Methods that add a value return its name.
 #[derive(Default)]
 pub(crate) struct GraphBuilder {
     graph: GraphProto,
@@ -13,7 +13,7 @@ pub(crate) struct GraphBuilder {
 pub(crate) enum Dim {
     Size(usize),
     Named(&'static str),
-    /// Neither a size nor a name: it follows from what is fed.
+    /// Neither a size nor a name: given by the input.
     Free,
 }
 
@@ -26,7 +26,7 @@ impl GraphBuilder {
         self.graph
     }
 
-    /// A node of one output; the node carries the output's name.
+    /// A node with one output, which names the node.
     pub fn op(&mut self, op: &str, inputs: &[&str], output: &str) -> String {
         self.op_with(op, inputs, output, Vec::new())
     }
@@ -36,7 +36,7 @@ impl GraphBuilder {
         output.to_string()
     }
 
-    /// A node of any number of outputs.
+    /// A node with any number of outputs.
     pub fn node(&mut self, op: &str, inputs: &[&str], outputs: &[&str], attribute: Vec<AttributeProto>) {
         self.graph.node.push(NodeProto {
             input: inputs.iter().map(|s| s.to_string()).collect(),

@@ -1,4 +1,4 @@
-//! What every model file promises, and what it says of its origin.
+//! What every model file states: form, sizes, conventions and origin.
 
 use sspc_core::compose::Composition;
 use sspc_core::prepare::Exposure;
@@ -8,8 +8,8 @@ use sspc_kernels::network::{MAX_CHANNELS, Shape};
 use sspc_kernels::parameters::Form;
 use std::collections::BTreeMap;
 
-/// The version of this contract. It changes with anything that would make an older reader compute
-/// another picture: channel order, activations, exposure rule, window, meaning of an output.
+/// The version of this contract. It is raised by any change that would make an older reader compute another picture:
+/// channel order, activations, exposure rule, window, meaning of an output.
 pub const CONTRACT_VERSION: u32 = 1;
 
 /// The parameters of the gated form, in order; the paper's form has the first 15.
@@ -32,9 +32,9 @@ const PARAMETER_NAMES: [&str; 16] = [
     "gate",
 ];
 
-/// Most convolutions that are read: far above any use.
+/// Most convolutions that the reader accepts: far more than are useful.
 pub const MAX_LAYERS: usize = 32;
-/// Sizes that the kernels serve.
+/// Largest sizes that the kernels support.
 pub(crate) const MAX_HIDDEN: usize = MAX_CHANNELS;
 pub(crate) const MAX_WINDOW_RADIUS: usize = MAX_RADIUS;
 
@@ -45,7 +45,7 @@ pub const ACTIVATIONS: &str =
 /// How borders of the picture are treated.
 pub const PADDING: &str = "network: zeros, same size; window of g_c: mirrored with the edge pixel repeated";
 
-/// What is done to values before they become features, and to the result.
+/// How values become features, and what is done to the result.
 pub fn exposure_rule(exposure: Exposure) -> &'static str {
     match exposure {
         Exposure::AsIs => {
@@ -77,13 +77,13 @@ pub fn form_name(form: Form) -> &'static str {
 /// The form of a model and where it comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contract {
+    /// Paper or gated.
     pub form: Form,
     /// Size of the network; its outputs are the form's parameters.
     pub shape: Shape,
     /// Radius of the square window of g_c, pixels.
     pub window_radius: usize,
-    /// What our own programs make of both halves' corrections; the image graph gives the mean of the
-    /// halves.
+    /// How our own programs compose the picture; the image graph returns the mean of the halves.
     pub composition: Composition,
     /// How radiance was brought to the method's scale in training.
     pub exposure: Exposure,
@@ -97,15 +97,15 @@ pub struct Contract {
     pub preset: String,
     /// Optimiser steps taken.
     pub steps: u64,
-    /// Optional features that the training frames had; an absent one was fed as zeros.
+    /// Optional features of the training frames; absent ones were zero.
     pub features: FeatureSet,
-    /// Anything else worth keeping; keys of letters, digits, `.`, `_` and `-`.
+    /// Further entries; keys of letters, digits, `.`, `_` and `-`.
     pub extra: BTreeMap<String, String>,
 }
 
 impl Contract {
-    /// A contract of the paper's network and window, normalised exposure, every feature and the
-    /// form's usual composition, with nothing known of its origin.
+    /// A contract of the paper's network and window, normalised exposure, all features and the form's usual
+    /// composition, of unknown origin.
     pub fn new(form: Form) -> Self {
         Contract {
             form,

@@ -1,21 +1,22 @@
-//! Why a model was refused.
+//! Why a model file was refused.
 
 use std::path::PathBuf;
 
-/// A model that this contract does not cover, or bytes that are no model.
+/// A model outside this contract, or bytes that are not a model. Fields hold what was expected and what was found.
+#[allow(missing_docs, reason = "each variant's message is its documentation")]
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    #[error("model of {found} bytes: at most {limit} are read")]
+    #[error("model of {found} bytes; the limit is {limit}")]
     TooLarge { found: u64, limit: u64 },
-    #[error("not an ONNX file, or a truncated one")]
+    #[error("not an ONNX file, or truncated")]
     NotOnnx(#[source] prost::DecodeError),
     #[error("the ONNX file has no graph")]
     NoGraph,
-    #[error("not a model of this program: its metadata has no `{key}`")]
+    #[error("not a model of this program: metadata `{key}` is missing")]
     MissingKey { key: String },
     #[error("metadata `{key}` is `{found}`, expected {expected}")]
     Key { key: String, expected: String, found: String },
-    #[error("contract version {found}, this program reads version {expected}")]
+    #[error("contract version {found}; this program reads version {expected}")]
     Version { expected: u32, found: String },
     #[error("tensor `{tensor}` is missing")]
     MissingTensor { tensor: String },
@@ -23,27 +24,28 @@ pub enum Error {
     TensorShape { tensor: String, expected: Vec<i64>, found: Vec<i64> },
     #[error("tensor `{tensor}` has ONNX element type {found}, expected {expected} (float32)")]
     TensorType { tensor: String, expected: i32, found: i32 },
-    #[error("tensor `{tensor}` holds {found} values, its shape needs {expected}")]
+    #[error("tensor `{tensor}` holds {found} values; its shape needs {expected}")]
     TensorSize { tensor: String, expected: usize, found: usize },
-    #[error("tensor `{tensor}` keeps its data in another file; models must be self-contained")]
+    #[error("tensor `{tensor}` stores its data in another file; models must be self-contained")]
     ExternalData { tensor: String },
     #[error("tensor `{tensor}` has the value {found} at index {index}; weights must be finite")]
     NotFinite { tensor: String, index: usize, found: f32 },
-    #[error("a network of {found} outputs for a form of {expected} parameters")]
+    #[error("the network has {found} outputs; the form has {expected} parameters")]
     Outputs { expected: usize, found: usize },
-    #[error("{found} weights, the contract's network has {expected}")]
+    #[error("{found} weights; the contract's network has {expected}")]
     WeightCount { expected: usize, found: usize },
-    #[error("the graph is not the one of this contract: constant `{tensor}` is missing or another")]
+    #[error("the graph is not that of this contract: constant `{tensor}` is missing or differs")]
     Constant { tensor: String },
-    #[error("the graph is not the one of this contract: it has {found} constant tensors, expected {expected}")]
+    #[error("the graph is not that of this contract: it has {found} constant tensors, expected {expected}")]
     TensorCount { expected: usize, found: usize },
-    #[error("the graph is not the one of this contract: its inputs and outputs are {found}, expected {expected}")]
+    #[error("the graph is not that of this contract: its inputs and outputs are {found}, expected {expected}")]
     Interface { expected: String, found: String },
-    #[error("the graph is not the one of this contract: operator {index} is {found}, expected {expected}")]
+    #[error("the graph is not that of this contract: operator {index} is {found}, expected {expected}")]
     Operator { index: usize, expected: String, found: String },
 }
 
-/// An [`Error`] and the file it is about.
+/// An error and the file it concerns.
+#[allow(missing_docs, reason = "each variant's message is its documentation")]
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     #[error("{}: cannot be read: {source}", path.display())]

@@ -1,4 +1,4 @@
-//! The `image` graph: the whole corrector in standard operators, for engines without our code.
+//! The `image` graph: the whole corrector in standard operators, for other engines.
 
 use crate::builder::{Dim, GraphBuilder, int, ints};
 use crate::messages::data_type;
@@ -60,7 +60,7 @@ fn features(graph: &mut GraphBuilder) -> String {
     graph.op_with("Concat", &["y", "rho", "v", "n", "z"], "features", vec![int("axis", 1)])
 }
 
-/// Splits beta and gamma into the parts that the sums use.
+/// Splits beta and gamma into the parts used by the sums.
 fn split_parameters(graph: &mut GraphBuilder, parameters: &[String]) {
     graph.ints("slope_groups", &[3], &[3, 3, 3]);
     let slopes = ["beta_z", "beta_rho", "beta_n"];

@@ -1,5 +1,5 @@
-//! The model contract of sspc: what a fitted model is, the ONNX graphs it is exported as, and the
-//! reader that takes it back. See `README.md` beside this crate for engines that are not ours.
+//! The model contract of sspc: what a fitted model is, the ONNX graphs that it is exported as, and the reader of both.
+//! `README.md` beside this crate describes it for other engines.
 #![forbid(unsafe_code)]
 
 mod builder;

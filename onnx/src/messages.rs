@@ -1,5 +1,5 @@
-//! The few protobuf messages of ONNX that a model file needs. Field numbers are those of onnx.proto
-//! (IR version 8); unknown fields are skipped by the decoder.
+//! The protobuf messages of ONNX that a model file needs, with the field numbers of onnx.proto (IR version 8); the decoder
+//! skips unknown fields.
 
 use prost::{Enumeration, Message, Oneof};
 

@@ -13,11 +13,11 @@ use std::collections::BTreeMap;
 
 const PREFIX: &str = "sspc.";
 const EXTRA: &str = "sspc.extra.";
-/// Between the entries of a list of frames, which are paths.
+/// Separates the paths in a list of frames.
 const FRAME_SEPARATOR: &str = "\n";
 
-/// All entries, in a fixed order, so that equal models give equal bytes. Optional ones come first:
-/// a file cut off anywhere then lacks one that must be there.
+/// All entries in a fixed order, so that equal models give equal bytes. Optional ones come first: a truncated file then
+/// lacks a required one.
 pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     let Contract { form, shape, features, .. } = contract;
     let required = [
@@ -49,8 +49,8 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
 /// Reads the entries back.
 ///
 /// # Errors
-/// [`Error::Version`] first, so that a later contract is called by its name; then
-/// [`Error::MissingKey`] and [`Error::Key`].
+/// [`Error::Version`] first, so that a newer contract is reported as such; then [`Error::MissingKey`] and
+/// [`Error::Key`].
 pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error> {
     let entries =
         Entries(entries.iter().map(|e| (e.key.as_deref().unwrap_or(""), e.value.as_deref().unwrap_or(""))).collect());

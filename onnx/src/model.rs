@@ -7,25 +7,25 @@ use sspc_kernels::network::{Network, layer};
 /// Contract and weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
+    /// What the model states about itself.
     pub contract: Contract,
     /// Layer after layer: weight `[out][in][3][3]` row-major, then bias `[out]`.
     pub weights: Vec<f32>,
 }
 
 impl Model {
-    /// A model whose weights are known to fit its contract.
+    /// Checks that the weights fit the contract.
     ///
     /// # Errors
-    /// [`Error::Outputs`] when the shape has other outputs than the form has parameters,
-    /// [`Error::WeightCount`] when the number of weights is not the contract's, [`Error::NotFinite`] when
-    /// one of them is NaN or infinite.
+    /// [`Error::Outputs`] when the shape's outputs are not the form's parameters, [`Error::WeightCount`] when the number
+    /// of weights is not the contract's, [`Error::NotFinite`] when a weight is NaN or infinite.
     pub fn new(contract: Contract, weights: Vec<f32>) -> Result<Self, Error> {
         let model = Model { contract, weights };
         model.check()?;
         Ok(model)
     }
 
-    /// The network as core's kernels take it.
+    /// The network for our kernels.
     pub fn network(&self) -> Network {
         Network { shape: self.contract.shape, weights: self.weights.clone() }
     }

@@ -11,7 +11,7 @@ use sspc_kernels::parameters::Form;
 pub(crate) const NETWORK_GRAPH: &str = "sspc_network";
 /// Keeps gamma finite and tau above 0 (method, activations).
 const ACTIVATION_FLOOR: f32 = 1e-4;
-/// Every operator used is in opset 17 and read by engines of 2022 and later.
+/// All operators used are in opset 17, which engines since 2022 read.
 const OPSET: i64 = 17;
 const IR_VERSION: i64 = 8;
 

@@ -1,8 +1,7 @@
-//! Takes a model back from either graph that this crate writes.
+//! Reads a model from either graph that this crate writes.
 //!
-//! Nothing of a file is trusted: its size is bounded before it is decoded, shapes are compared with
-//! the contract before values are copied, and the operators must be the ones this crate writes, so
-//! that a file never means something else than what is computed from it.
+//! Files are not trusted: their size is bounded before decoding, shapes are compared with the contract before values are
+//! copied, and the operators must be those that this crate writes, so that what we compute is what the file describes.
 
 use crate::contract::Contract;
 use crate::error::{Error, FileError};
@@ -16,10 +15,9 @@ use sspc_image::shown;
 use std::io::Read;
 use std::path::Path;
 
-/// The largest file that is read: the largest network of the contract takes 300 kB, the image graph
-/// around it 60, and the names of training frames the rest. An empty message of two bytes decodes
-/// to a structure of some hundred, so this also bounds the memory that a file can ask for, to about
-/// a hundred times itself.
+/// Size limit of a file: the largest network of the contract takes 300 kB, the image graph around it 60 kB, and the names
+/// of training frames the rest. An empty message of two bytes decodes to a structure of about a hundred, so this also
+/// bounds the memory that a file can claim, to about a hundred times its size.
 pub const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// `TensorProto.DataLocation.EXTERNAL`.
@@ -60,7 +58,7 @@ pub fn load_model_and_kind(path: &Path) -> Result<(Model, GraphKind), FileError>
     Ok((read_model(&bytes).map_err(refused)?, read_graph_kind(&bytes).map_err(refused)?))
 }
 
-/// Takes contract and weights from the bytes of a network or image graph.
+/// Reads contract and weights from the bytes of a network or image graph.
 ///
 /// # Errors
 /// Every variant of [`Error`]; the first that applies in the order size, encoding, contract,
@@ -121,7 +119,7 @@ fn append(graph: &GraphProto, name: &str, shape: &[usize], weights: &mut Vec<f32
     Ok(())
 }
 
-/// The values of a float32 tensor of a known shape, from either field that ONNX keeps them in.
+/// The values of a float32 tensor of a known shape, from either field in which ONNX stores them.
 fn values(tensor: &TensorProto, name: &str, shape: &[usize]) -> Result<Vec<f32>, Error> {
     let name = || name.to_string();
     if tensor.data_location == Some(EXTERNAL) || !tensor.external_data.is_empty() {
@@ -149,8 +147,8 @@ fn values(tensor: &TensorProto, name: &str, shape: &[usize]) -> Result<Vec<f32>,
     }
 }
 
-/// Whether every constant that is no weight has the value of this contract, and nothing else is
-/// there: of two tensors of one name, other engines may take the other.
+/// Checks that every constant other than a weight has the value of this contract, and that there are no others: of two
+/// tensors of one name, another engine may use the other one.
 fn same_constants(expected: &GraphProto, found: &GraphProto) -> Result<(), Error> {
     let is_weight = |name: &str| name.ends_with(".weight") || name.ends_with(".bias");
     let name = |tensor: &TensorProto| tensor.name.clone().unwrap_or_default();
@@ -165,7 +163,7 @@ fn same_constants(expected: &GraphProto, found: &GraphProto) -> Result<(), Error
     }
 }
 
-/// The same inputs and outputs by name; their sizes may be fixed to those of a frame.
+/// Checks the names of inputs and outputs; their sizes may be fixed to those of a frame.
 fn same_interface(expected: &GraphProto, found: &GraphProto) -> Result<(), Error> {
     let names = |values: &[ValueInfoProto]| {
         let names: Vec<&str> = values.iter().map(|value| value.name.as_deref().unwrap_or("?")).collect();
@@ -178,7 +176,7 @@ fn same_interface(expected: &GraphProto, found: &GraphProto) -> Result<(), Error
     }
 }
 
-/// The same operators on the same values in the same order, subgraphs included.
+/// Checks that the same operators act on the same values in the same order, subgraphs included.
 fn same_operators(expected: &GraphProto, found: &GraphProto) -> Result<(), Error> {
     let count = expected.node.len().max(found.node.len());
     for index in 0..count {

@@ -1,9 +1,8 @@
 //! The sums of g_c over the window in standard operators.
 //!
-//! A Scan runs over the rows of the window; inside it the columns are unrolled. That way only a row
-//! index is dynamic (a Gather of whole rows), a shift by a column is a Slice with constant bounds,
-//! and memory stays at a few planes. Loops over all 361 offsets are slower in onnxruntime and not
-//! read by tract; unrolling all of them takes gigabytes.
+//! A Scan runs over the rows of the window; inside it the columns are unrolled. Only the row index is then dynamic (a
+//! Gather of whole rows), a shift by a column is a Slice with constant bounds, and memory stays at a few planes. A loop
+//! over all 361 offsets is slower in onnxruntime and not supported by tract; unrolling all of them takes gigabytes.
 
 use crate::builder::{Dim, GraphBuilder, int, ints, subgraph, tensor};
 use crate::messages::{GraphProto, data_type};
@@ -16,7 +15,7 @@ struct Term {
     bandwidth: &'static str,
     /// gamma log(1 + d) of a squared distance d of colours, gamma d of a feature.
     logarithmic: bool,
-    /// Whether the window's weighted sum of the values is wanted.
+    /// Whether the weighted sum of the values is needed.
     summed: bool,
 }
 
@@ -38,12 +37,12 @@ pub(crate) fn add_window_sums(graph: &mut GraphBuilder, radius: usize) {
         graph.op_with("Gather", &[term.value, "column_indices"], &padded, vec![int("axis", 3)]);
     }
     let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
-    // A start of its own for every sum, and the constant outside the body: burn-onnx 0.22 reads it so.
+    // burn-onnx 0.22 needs an initial value per sum and the constant outside the body.
     let mut inputs: Vec<String> = summed.iter().map(|term| zeros_like(graph, term.value)).collect();
     inputs.push(zeros_like(graph, "tau"));
     graph.floats("f_one", &[], &[1.0]);
     let centre: Vec<bool> = (0..=2 * radius).map(|row| row == radius).collect();
-    // A tensor for each row, not a scalar, for the same reason.
+    // A tensor per row instead of a scalar, for the same reason.
     graph.bools("row_is_centre", &[centre.len(), 1, 1, 1, 1], &centre);
     inputs.extend(["window_rows", "row_is_centre"].map(String::from));
     let inputs: Vec<&str> = inputs.iter().map(String::as_str).collect();
@@ -93,8 +92,7 @@ fn mirrored_indices(graph: &mut GraphBuilder, radius: usize) {
     graph.op("Range", &["i_zero", "row_size", "i_one"], "image_rows");
     graph.op("Add", &["window_offsets", "image_rows"], "padded_rows");
     graph.op("Gather", &["row_indices", "padded_rows"], "long_window_rows");
-    // tract keeps whatever comes from a Shape in its own type of dimensions, which does not go
-    // through a Scan as int64.
+    // tract keeps values derived from a Shape in its own dimension type, which does not pass through a Scan as int64.
     let to = vec![int("to", data_type::INT32 as i64)];
     graph.op_with("Cast", &["long_window_rows"], "window_rows", to);
 }
@@ -103,7 +101,7 @@ fn mirrored_indices(graph: &mut GraphBuilder, radius: usize) {
 /// and of `row_is_centre`; everything else is seen from the graph around it.
 fn row_body(radius: usize) -> GraphProto {
     let mut body = GraphBuilder::new("window_row");
-    // Free, not named: tract takes names inside and outside the body for different sizes.
+    // Free, not named: tract treats equal names inside and outside the body as different sizes.
     let free = |channels| [Dim::Free, Dim::Size(channels), Dim::Free, Dim::Free];
     let summed: Vec<&Term> = TERMS.iter().filter(|term| term.summed).collect();
     for term in &summed {

@@ -1,4 +1,4 @@
-//! What is written is read back, and what is not ours is refused by name.
+//! Written models are read back unchanged, and other files are refused with the reason.
 
 use sspc_core::prepare::Exposure;
 use sspc_kernels::features::FeatureSet;

@@ -1,1 +1,1 @@
-"""The parity cases: inputs and what float64 PyTorch makes of them, for other implementations to meet."""
+"""The parity cases: inputs and the float64 results of PyTorch, for other implementations to match."""

@@ -17,9 +17,9 @@ FLOAT32_SAME = 2.5e-7
 @dataclass
 class Case:
     name: str
-    # One line: what this case is there to catch.
+    # One line: what this case is meant to catch.
     purpose: str
-    # Facts that are no arrays: radius, form, Adam's constants.
+    # Facts other than arrays: radius, form, Adam's constants.
     facts: dict
     arrays: dict = field(default_factory=dict)
 
@@ -61,12 +61,9 @@ class Case:
 
 
 def difference(expected, found):
-    """Says how two arrays differ, or nothing."""
+    """Describes how two arrays differ; None if they do not."""
     if expected.shape != found.shape or expected.dtype != found.dtype:
-        return (
-            f"expected {expected.dtype}{list(expected.shape)}, "
-            f"found {found.dtype}{list(found.shape)}"
-        )
+        return f"expected {expected.dtype}{list(expected.shape)}, found {found.dtype}{list(found.shape)}"
     if expected.dtype.kind in "iu":
         return "" if np.array_equal(expected, found) else "differs"
     same = FLOAT64_SAME if expected.dtype == np.float64 else FLOAT32_SAME

@@ -2,7 +2,6 @@
 
 import numpy as np
 import torch
-
 from sspc_reference import activations, features, gc, window
 
 from .case import Case, Inputs, double, stack

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-
 from sspc_reference import evaluate, fit, network, read
 from sspc_reference.features import CHANNELS
 
@@ -26,18 +25,12 @@ def cases():
     case = Case(
         NAME,
         "The paper's 20 epochs on the sample frame in float32: every step's loss and the final relL2.",
-        {
-            "kind": NAME,
-            "frame": "tests/data/sample",
-            "tile": tile.height,
-        },
+        {"kind": NAME, "frame": "tests/data/sample", "tile": tile.height},
     )
     case.put(
         rates=np.float32([step.rate for step in schedule.steps]),
         weights_start=net.flat().numpy(),
-        origins=np.array(
-            [[[tile.top, tile.left] for tile in step.tiles] for step in schedule.steps], np.int32
-        ),
+        origins=np.array([[[tile.top, tile.left] for tile in step.tiles] for step in schedule.steps], np.int32),
     )
     losses = fit.fit(net, frame, schedule)
     denoised = (frame.a + frame.b)[:, CHANNELS["denoised"]] / 2

@@ -2,7 +2,6 @@
 
 import numpy as np
 import torch
-
 from sspc_reference import activations, evaluate, features, gc, loss, network
 
 from .case import Case, Inputs, double, short, stack
@@ -68,11 +67,13 @@ def loss_case(name, purpose, seed, height, width, hdr=False):
         outputs = [double(images[n]).requires_grad_() for n in ("mu_hat_a", "mu_hat_b")]
         value = loss.loss(*outputs, *noisy, *guides)
         value.backward()
-        case.put(**{
-            f"loss_over_{guide}": value.reshape(1),
-            f"d_mu_hat_a_over_{guide}": outputs[0].grad[0],
-            f"d_mu_hat_b_over_{guide}": outputs[1].grad[0],
-        })
+        case.put(
+            **{
+                f"loss_over_{guide}": value.reshape(1),
+                f"d_mu_hat_a_over_{guide}": outputs[0].grad[0],
+                f"d_mu_hat_b_over_{guide}": outputs[1].grad[0],
+            }
+        )
     return case
 
 
@@ -89,9 +90,7 @@ def relative_l2_case(name, purpose, seed, height, width, low, high):
         reference_a=half_a,
         reference_b=half_b,
         relative_l2=evaluate.relative_l2(double(image), double(reference)).reshape(1),
-        relative_l2_halves=evaluate.relative_l2(
-            double(image), None, [double(half_a), double(half_b)]
-        ).reshape(1),
+        relative_l2_halves=evaluate.relative_l2(double(image), None, [double(half_a), double(half_b)]).reshape(1),
     )
     return case
 
@@ -107,14 +106,8 @@ def pipeline_case():
     )
     halves = [random.buffer(height, width) for _ in "ab"]
     flat = weights(random, 16)
-    case.put(
-        weights=flat,
-        **{role: np.stack([half[role] for half in halves]) for role in features.CHANNELS},
-    )
-    image = torch.cat([
-        features.assemble(**{role: double(plane) for role, plane in half.items()})
-        for half in halves
-    ])
+    case.put(weights=flat, **{role: np.stack([half[role] for half in halves]) for role in features.CHANNELS})
+    image = torch.cat([features.assemble(**{role: double(plane) for role, plane in half.items()}) for half in halves])
     net = double_network(flat, 16)
     stages = net.stages(image)
     raw = stages[-1]

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import torch
-
 from sspc_reference import fit, gc, network, read
 
 from .case import Case, Inputs, double, short, stack
@@ -62,12 +61,7 @@ def cases():
     case = Case(
         "training",
         "Twenty Adam steps in both forms: losses before each step, weights after the last.",
-        {
-            "kind": "training",
-            "radius": gc.RADIUS,
-            "tile": SIZE,
-            "adam": dataclasses.asdict(ADAM),
-        },
+        {"kind": "training", "radius": gc.RADIUS, "tile": SIZE, "adam": dataclasses.asdict(ADAM)},
     )
     a, b = halves(random)
     origins = tiles(random)
@@ -80,7 +74,7 @@ def cases():
     for outputs in (15, 16):
         flat = start(outputs, seed=outputs)
 
-        def train(precision):
+        def train(precision, outputs=outputs, flat=flat):
             net = network.Network(outputs).to(precision)
             net.load_flat(torch.from_numpy(flat).to(precision))
             frame = read.Frame(double(a).to(precision), double(b).to(precision), None, [])
@@ -88,9 +82,11 @@ def cases():
 
         losses, end = train(torch.float64)
         check_not_chaotic(outputs, (losses, end), train(torch.float32))
-        case.put(**{
-            f"weights_start_{outputs}": flat,
-            f"losses_{outputs}": np.array(losses),
-            f"weights_end_{outputs}": end.float(),
-        })
+        case.put(
+            **{
+                f"weights_start_{outputs}": flat,
+                f"losses_{outputs}": np.array(losses),
+                f"weights_end_{outputs}": end.float(),
+            }
+        )
     return [case]

@@ -6,5 +6,5 @@ evaluate. Each is written from the paper's equations (J. Back, B.-S. Hua, T. Hac
 to learn the method; none is written for speed.
 
 Tensors are [B, C, H, W], rows from top to bottom. Everything runs in the precision of its inputs:
-float64 to judge other implementations, float32 to fit frames.
+float64 to check other implementations, float32 to fit frames.
 """

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from . import activations, compare, evaluate, fit, network as networks, onnx_check, read
+from . import activations, compare, evaluate, fit, onnx_check, read
+from . import network as networks
 from .features import CHANNELS, BadInput
 
 
@@ -24,9 +25,7 @@ def main(arguments=None):
 
 
 def command_line():
-    parser = argparse.ArgumentParser(
-        prog="sspc-reference", description="Self-supervised post-correction in PyTorch."
-    )
+    parser = argparse.ArgumentParser(prog="sspc-reference", description="Self-supervised post-correction in PyTorch.")
     parser.add_argument("--threads", type=int, default=1, help="PyTorch's threads (default 1)")
     commands = parser.add_subparsers(required=True)
 
@@ -128,7 +127,7 @@ def run_evaluate(options):
 
 
 def finish(options, network, frame):
-    """Writes the corrected image and prints relL2 of everything there is, as asked for."""
+    """Writes the corrected image and prints relL2 of all images, if requested."""
     images = {"corrected": evaluate.corrected_image(network, frame)}
     if frame.denoised is not None:
         images["corrected, full z"] = evaluate.corrected_with_full_denoised(network, frame)
@@ -164,9 +163,7 @@ def run_time(options):
     frame = load_frame(options)
     network, schedule = planned(options.plan) if options.plan else start(options, frame)
     stamps = [time.perf_counter()]
-    losses = fit.fit(
-        network, frame, schedule, report=lambda step, value: stamps.append(time.perf_counter())
-    )
+    losses = fit.fit(network, frame, schedule, report=lambda step, value: stamps.append(time.perf_counter()))
     seconds = np.diff(stamps)
     pixels = sum(tile.height * tile.width for tile in schedule.steps[0].tiles)
     record = {

@@ -6,13 +6,7 @@ import torch
 
 # Channels of the raw outputs and of the activated parameters.
 SLOPES = {"beta_denoised": slice(0, 3), "beta_albedo": slice(3, 6), "beta_normal": slice(6, 9)}
-BANDWIDTHS = {
-    "gamma_albedo": 9,
-    "gamma_normal": 10,
-    "gamma_visibility": 11,
-    "gamma_radiance": 12,
-    "gamma_denoised": 13,
-}
+BANDWIDTHS = {"gamma_albedo": 9, "gamma_normal": 10, "gamma_visibility": 11, "gamma_radiance": 12, "gamma_denoised": 13}
 TAU = 14
 GATE = 15
 
@@ -20,11 +14,11 @@ PAPER_OUTPUTS = 15
 GATED_OUTPUTS = 16
 
 GAMMA_FLOOR = 1e-4  # gamma = 1 / (softplus^2 + this): at most 1e4
-TAU_FLOOR = 1e-4  # tau = softplus + this: the centre always counts
+TAU_FLOOR = 1e-4  # tau = softplus + this: always above 0
 
 
 def softplus(x):
-    """log(1 + e^x), exact for large |x| (PyTorch's own turns into x above 20)."""
+    """log(1 + e^x), exact for large |x| (PyTorch's own returns x above 20)."""
     return torch.logaddexp(x, torch.zeros_like(x))
 
 

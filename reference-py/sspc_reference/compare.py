@@ -1,7 +1,7 @@
-"""Where two runs of the method part: the first differing stage, not only the last.
+"""The first stage at which two runs of the method differ.
 
-A run is a set of arrays named after the pipeline's stages, in the order below; names that only one
-run has are said, shared names are compared in order.
+A run is a set of arrays named after the pipeline's stages. Shared stages are compared in the order below; stages that
+only one run has are reported.
 """
 
 import struct
@@ -69,7 +69,7 @@ def first_difference(expected, found):
 
 
 def layer_of(bad):
-    """The last layer with a bad weight: the first that the backward pass comes to."""
+    """The last layer with a bad weight, which the backward pass reaches first."""
     last = int(np.flatnonzero(bad)[-1])
     first_layer = HIDDEN_CHANNELS * (COUNT * 9 + 1)
     hidden_layer = HIDDEN_CHANNELS * (HIDDEN_CHANNELS * 9 + 1)

@@ -11,7 +11,7 @@ def relative_l2(image, reference, reference_halves=None):
     """relL2 (Rousselle et al. 2011): mean over pixels and channels of (x - r)^2 / (rbar^2 + 0.01).
 
     rbar is the reference's channel mean. With the reference's two independent halves, whose mean
-    then is r, its own noise ((r^a - r^b) / 2)^2 is taken out of the numerator.
+    then is r, its own noise ((r^a - r^b) / 2)^2 is subtracted from the numerator.
     """
     noise = 0
     if reference_halves is not None:
@@ -32,10 +32,7 @@ def relative_l2(image, reference, reference_halves=None):
 def corrected_halves(network, frame, radius=gc.RADIUS):
     """mu_hat^a and mu_hat^b of the whole image, [1, 3, H, W] each."""
     with torch.no_grad():
-        return [
-            gc.gated(half, activations.activate(network(half)), radius)
-            for half in (frame.a, frame.b)
-        ]
+        return [gc.gated(half, activations.activate(network(half)), radius) for half in (frame.a, frame.b)]
 
 
 def corrected_image(network, frame, radius=gc.RADIUS):

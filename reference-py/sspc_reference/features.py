@@ -24,8 +24,7 @@ def check_image(name, image, channels):
     if missing:
         first = (~torch.isfinite(image)).nonzero()[0].tolist()
         raise BadInput(
-            f"{name}: {missing} of {image.numel()} values are NaN or infinite, "
-            f"the first at [b, c, y, x] = {first}"
+            f"{name}: {missing} of {image.numel()} values are NaN or infinite, the first at [b, c, y, x] = {first}"
         )
 
 
@@ -54,8 +53,7 @@ def assemble(radiance, denoised, albedo=None, visibility=None, normal=None):
         check_image(name, plane, channels)
         if plane.shape[2:] != radiance.shape[2:]:
             raise BadInput(
-                f"{name}: expected {height}x{width} as the radiance, "
-                f"found {plane.shape[2]}x{plane.shape[3]}"
+                f"{name}: expected {height}x{width} as the radiance, found {plane.shape[2]}x{plane.shape[3]}"
             )
         stack.append(plane)
     return torch.cat(stack, dim=1)

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from . import activations, gc, network as networks
+from . import activations, gc
+from . import network as networks
 from .features import part
 from .loss import loss
 
@@ -18,7 +19,7 @@ from .loss import loss
 # as in the whole picture.
 NETWORK_RADIUS = networks.HIDDEN_LAYERS + 1
 
-# Larger batches gain nothing and spend their time on allocating memory.
+# Larger batches are no faster: allocation takes the time.
 PIXELS_AT_ONCE = 128 * 128
 
 
@@ -69,9 +70,7 @@ def raw_outputs(network, half, tile, halo):
 
 def cut(image, tile):
     """One tile of [B, C, H, W]."""
-    return image[
-        :, :, tile.top : tile.top + tile.height, tile.left : tile.left + tile.width
-    ]
+    return image[:, :, tile.top : tile.top + tile.height, tile.left : tile.left + tile.width]
 
 
 def tiles_loss(network, frame, tiles, halo, radius=gc.RADIUS):
@@ -80,10 +79,7 @@ def tiles_loss(network, frame, tiles, halo, radius=gc.RADIUS):
     def of_all(image, larger_by=0):
         """The tiles of one image as a batch, each `larger_by` pixels higher and wider."""
         return torch.cat(
-            [
-                cut(image, replace(tile, height=tile.height + larger_by, width=tile.width + larger_by))
-                for tile in tiles
-            ]
+            [cut(image, replace(tile, height=tile.height + larger_by, width=tile.width + larger_by)) for tile in tiles]
         )
 
     halves = (frame.a, frame.b)
@@ -113,7 +109,7 @@ def step_gradient(network, frame, tiles, halo, radius=gc.RADIUS):
 
 
 def groups(tiles):
-    """The tiles in groups of one size, small enough to be worked on at once."""
+    """The tiles in groups of one size, small enough for one batch."""
     for size in sorted({(tile.height, tile.width) for tile in tiles}):
         equal = [tile for tile in tiles if (tile.height, tile.width) == size]
         at_once = max(PIXELS_AT_ONCE // (size[0] * size[1]), 1)
@@ -122,11 +118,9 @@ def groups(tiles):
 
 
 def fit(network, frame, schedule, radius=gc.RADIUS, report=lambda step, loss: None):
-    """Carries the schedule out; returns every step's loss, taken before its update."""
+    """Runs the schedule; returns the loss of every step, before its update."""
     adam = schedule.adam
-    optimizer = torch.optim.Adam(
-        network.parameters(), betas=(adam.beta1, adam.beta2), eps=adam.epsilon
-    )
+    optimizer = torch.optim.Adam(network.parameters(), betas=(adam.beta1, adam.beta2), eps=adam.epsilon)
     losses = []
     for index, step in enumerate(schedule.steps):
         value = step_gradient(network, frame, step.tiles, schedule.halo, radius)
@@ -141,7 +135,7 @@ def fit(network, frame, schedule, radius=gc.RADIUS, report=lambda step, loss: No
 
 
 def origins(length, size, stride):
-    """Tile origins along one axis: every stride, and one flush with the end so that all is seen."""
+    """Tile origins along one axis: every stride, and one flush with the end, so that every pixel is covered."""
     last = max(length - size, 0)
     return sorted({*range(0, last + 1, stride), last})
 
@@ -165,9 +159,7 @@ def paper_schedule(frame, seed, epochs=20, size=128, stride=64, batch=16):
     steps = []
     for _ in range(epochs):
         shuffle(patches)
-        steps += [
-            Step(patches[start : start + batch], rate) for start in range(0, len(patches), batch)
-        ]
+        steps += [Step(patches[start : start + batch], rate) for start in range(0, len(patches), batch)]
     return Schedule(steps)
 
 
@@ -178,14 +170,10 @@ def tile_schedule(frame, seed, steps, size=32, batch=16, rate=3e-3, warmup=10):
     draw = random.Random(seed).randint
 
     def tile():
-        return Tile(
-            draw(0, height - tile_height), draw(0, width - tile_width), tile_height, tile_width
-        )
+        return Tile(draw(0, height - tile_height), draw(0, width - tile_width), tile_height, tile_width)
 
     def rate_at(step):
         rise = min(1, (step + 1) / warmup)
         return rate * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
 
-    return Schedule(
-        [Step([tile() for _ in range(batch)], rate_at(step)) for step in range(steps)]
-    )
+    return Schedule([Step([tile() for _ in range(batch)], rate_at(step)) for step in range(steps)])

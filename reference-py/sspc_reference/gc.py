@@ -41,7 +41,7 @@ def correct_padded(padded, parameters, radius=RADIUS):
 
     The slopes do not depend on i, so they leave the sum of Eq. 10:
         g_c = ( S_y + beta^z o S_dz + beta^rho o S_drho + beta^n o S_dn ) / max(S_w, 1e-5).
-    The gate (channel 15), where there is one, plays no part here; see `gated`.
+    The gate (channel 15), if any, is not applied here; see `gated`.
     """
     check_image("padded features", padded, COUNT)
     features = inner(padded, radius)
@@ -88,6 +88,5 @@ def check_parameters(parameters, features):
     check_image("parameters", parameters, parameters.shape[1])
     if parameters.shape[2:] != features.shape[2:] or parameters.shape[0] != features.shape[0]:
         raise ValueError(
-            f"parameters: expected the features' batch and size {list(features.shape)}, "
-            f"found {list(parameters.shape)}"
+            f"parameters: expected the features' batch and size {list(features.shape)}, found {list(parameters.shape)}"
         )

@@ -1,4 +1,4 @@
-"""The self-supervised loss (paper Eqs. 8, 9): each half's output against the other half's noisy image."""
+"""The self-supervised loss (paper Eqs. 8, 9): each half's output against the noisy image of the other half."""
 
 import torch
 

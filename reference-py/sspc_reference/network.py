@@ -22,8 +22,7 @@ class Network(nn.Module):
         super().__init__()
         widths = [COUNT] + [HIDDEN_CHANNELS] * HIDDEN_LAYERS + [outputs]
         self.layers = nn.ModuleList(
-            nn.Conv2d(inputs, outputs, kernel_size=3, padding=1)
-            for inputs, outputs in zip(widths[:-1], widths[1:])
+            nn.Conv2d(inputs, outputs, kernel_size=3, padding=1) for inputs, outputs in zip(widths[:-1], widths[1:])
         )
 
     def forward(self, features):
@@ -62,7 +61,7 @@ class Network(nn.Module):
 
 
 def uniform_start(network, generator):
-    """Glorot's uniform start with zero biases in every layer; what the paper's preset begins with."""
+    """Glorot's uniform start with zero biases in every layer: the start of the paper's preset."""
     with torch.no_grad():
         for layer in network.layers:
             fan_in, fan_out = layer.weight.shape[1] * 9, layer.weight.shape[0] * 9

@@ -13,7 +13,8 @@ import onnxruntime
 import torch
 from onnx import numpy_helper
 
-from . import activations, features, gc, network as networks
+from . import activations, features, gc
+from . import network as networks
 
 NETWORK_GRAPH = "sspc_network"
 IMAGE_GRAPH = "sspc_image"
@@ -24,12 +25,12 @@ TOLERANCE = 1e-5
 
 
 class CheckFailed(ValueError):
-    """The file is not what it should be, or its results differ."""
+    """The file is not as expected, or its results differ."""
 
 
 @dataclass
 class Model:
-    """What was read from the file."""
+    """An exported model."""
 
     graph: str
     network: networks.Network
@@ -47,9 +48,7 @@ def load(path):
     metadata = {entry.key: entry.value for entry in proto.metadata_props}
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
-    session = onnxruntime.InferenceSession(
-        proto.SerializeToString(), options, providers=["CPUExecutionProvider"]
-    )
+    session = onnxruntime.InferenceSession(proto.SerializeToString(), options, providers=["CPUExecutionProvider"])
     radius = int(metadata.get("sspc.window_radius", gc.RADIUS))
     return Model(graph, read_network(path, proto), radius, session)
 
@@ -57,11 +56,7 @@ def load(path):
 def read_network(path, proto):
     """The file's weights, conv0.weight, conv0.bias, conv1.weight, ..., in a float64 network."""
     stored = {tensor.name: tensor for tensor in proto.graph.initializer}
-    names = [
-        f"conv{layer}.{kind}"
-        for layer in range(networks.HIDDEN_LAYERS + 1)
-        for kind in ("weight", "bias")
-    ]
+    names = [f"conv{layer}.{kind}" for layer in range(networks.HIDDEN_LAYERS + 1) for kind in ("weight", "bias")]
     missing = [name for name in names if name not in stored]
     if missing:
         raise CheckFailed(f"{path}: no initializer {missing[0]} of the nine-layer network")
@@ -69,9 +64,7 @@ def read_network(path, proto):
     network = networks.Network(arrays[-1].size).double()
     for name, array, values in zip(names, arrays, network.parameters()):
         if array.shape != tuple(values.shape):
-            raise CheckFailed(
-                f"{path}: {name} expected shape {tuple(values.shape)}, found {array.shape}"
-            )
+            raise CheckFailed(f"{path}: {name} expected shape {tuple(values.shape)}, found {array.shape}")
     flat = np.concatenate([array.reshape(-1) for array in arrays])
     network.load_flat(torch.from_numpy(flat).double())
     return network
@@ -79,9 +72,7 @@ def read_network(path, proto):
 
 def inputs_of(half_features, exposure=1.0):
     """Features [N, 13, H, W] as the image graph's inputs, colours in units of 1 / exposure."""
-    named = {
-        name: features.part(half_features, name).float().numpy() for name in features.CHANNELS
-    }
+    named = {name: features.part(half_features, name).float().numpy() for name in features.CHANNELS}
     named["radiance"] = named["radiance"] / np.float32(exposure)
     named["denoised"] = named["denoised"] / np.float32(exposure)
     named["exposure"] = np.array([exposure], np.float32)

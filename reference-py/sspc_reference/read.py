@@ -1,7 +1,7 @@
 """Reads a frame: two EXR files with one half of the samples each.
 
 Each file holds R, G, B (noisy), denoised.R, G, B, and, where the renderer wrote them,
-albedo.R, G, B, normal.X, Y, Z and visibility.Y. Other layouts are the business of the Rust reader.
+albedo.R, G, B, normal.X, Y, Z and visibility.Y. Only the Rust reader handles other layouts.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Frame:
     a: torch.Tensor
     b: torch.Tensor
     denoised: torch.Tensor | None
-    # Roles that no file filled; their planes are zero.
+    # Roles that the files lack; their planes are zero.
     absent: list[str]
 
     def scaled(self, scale):
@@ -90,10 +90,7 @@ def read_frame(path_a, path_b, path_denoised=None):
     a, absent_a = read_half(path_a)
     b, absent_b = read_half(path_b)
     if a.shape != b.shape:
-        raise BadInput(
-            f"{path_b}: expected {a.shape[2]}x{a.shape[3]} as {path_a}, "
-            f"found {b.shape[2]}x{b.shape[3]}"
-        )
+        raise BadInput(f"{path_b}: expected {a.shape[2]}x{a.shape[3]} as {path_a}, found {b.shape[2]}x{b.shape[3]}")
     if absent_a != absent_b:
         raise BadInput(f"{path_b}: lacks {absent_b}, but {path_a} lacks {absent_a}")
     if torch.equal(a, b):
@@ -115,9 +112,7 @@ def read_reference(path):
     mean = read_image(path, ["R", "G", "B"], channels)
     if "a.R" not in channels:
         return mean, None
-    halves = [
-        read_image(path, [f"{half}.{colour}" for colour in "RGB"], channels) for half in "ab"
-    ]
+    halves = [read_image(path, [f"{half}.{colour}" for colour in "RGB"], channels) for half in "ab"]
     return mean, halves
 
 

@@ -1,8 +1,8 @@
 """The sums of Eq. 10 over the window around every pixel, and their gradients.
 
-The code does as the equation does, one offset at a time: for every offset it shifts the whole image
-and adds that neighbour's share to every pixel's sums. The gradients are written out below: autograd
-would keep, or make twice, some thirty images for each of 361 offsets.
+The code follows the equation, one offset at a time: it shifts the whole image by the offset and adds that neighbour's
+terms to every pixel's sums. The gradients are written out: autograd would store, or compute twice, about thirty images
+for each of 361 offsets.
 """
 
 import torch
@@ -19,16 +19,15 @@ ALBEDO, NORMAL, DENOISED, RADIANCE = (slice(first, 12, 4) for first in range(4))
 LAST = slice(12, 13)
 # Bandwidths in the order of the distances.
 DISTANCES = [BANDWIDTHS[f"gamma_{part}"] for part in (*PARTS, "visibility")]
-# Colours' distances count by their logarithm.
+# Distances of colours enter by their logarithm.
 COLOURS = slice(2, 4)
 
 
 def window_sums(padded, parameters, radius):
-    """The sums over the window by name: {"weight": [B, 1, H, W], "radiance", "denoised", "albedo", "normal": [B, 3, H, W]}.
+    """The sums over the window, differentiable with respect to the parameters (features are data).
 
-    Of w, w y_i, w (z_c - z_i), w (rho_c - rho_i) and w (n_c - n_i), from features
-    [B, 13, H + 2 radius, W + 2 radius] and activated parameters [B, 15 or 16, H, W]. They have
-    gradients with respect to the parameters; features are data.
+    From features [B, 13, H + 2 radius, W + 2 radius] and activated parameters [B, 15 or 16, H, W]; the result holds
+    by name the sums of w [B, 1, H, W] and of w y_i, w (z_c - z_i), w (rho_c - rho_i), w (n_c - n_i) [B, 3, H, W].
     """
     bandwidths, centre = parameters[:, DISTANCES], parameters[:, TAU : TAU + 1]
     sums = WindowSums.apply(padded[:, ORDER], bandwidths, centre, radius)
@@ -68,16 +67,16 @@ class WindowSums(torch.autograd.Function):
         for offset, u, distances, weight in offsets(padded, bandwidths, centre, context.radius):
             to_weight = u.mul_(upstream).sum(dim=1, keepdim=True)
             if offset == (0, 0):
-                to_centre = to_weight  # d_kc = 0: the bandwidths have no part in it
+                to_centre = to_weight  # d_kc = 0: independent of the bandwidths
             else:
                 to_bandwidths.addcmul_(to_weight.mul_(weight), distances, value=-1)
         return None, to_bandwidths, to_centre, None
 
 
 def offsets(padded, bandwidths, centre, radius):
-    """For every offset (dy, dx) of the window: itself, u [B, 13, H, W], distances d [B, 5, H, W], weight w [B, 1, H, W].
+    """Yields every offset (dy, dx) of the window, u [B, 13, H, W], distances d [B, 5, H, W], weight w [B, 1, H, W].
 
-    All in the same memory, which the next offset overwrites: fresh images would take most of the time.
+    The next offset overwrites the same memory: allocating anew would take most of the time.
     """
     features = inner(padded, radius).contiguous()
     height, width = features.shape[2:]
@@ -112,6 +111,6 @@ def distances_of(difference, out):
 
 
 def inner(padded, radius):
-    """Takes a border of `radius` pixels off [B, C, H + 2 radius, W + 2 radius]."""
+    """Removes a border of `radius` pixels from [B, C, H + 2 radius, W + 2 radius]."""
     height, width = padded.shape[2] - 2 * radius, padded.shape[3] - 2 * radius
     return padded[:, :, radius : radius + height, radius : radius + width]

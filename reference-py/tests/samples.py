@@ -1,7 +1,6 @@
 """Random images for the tests: float64, the ranges of real frames."""
 
 import torch
-
 from sspc_reference import features
 
 
@@ -25,6 +24,4 @@ def random_features(seed, height, width, batch=1):
 
 
 def random_raw(seed, height, width, outputs=15, batch=1):
-    return torch.randn(
-        batch, outputs, height, width, generator=generator(seed), dtype=torch.float64
-    )
+    return torch.randn(batch, outputs, height, width, generator=generator(seed), dtype=torch.float64)

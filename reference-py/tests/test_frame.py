@@ -7,7 +7,6 @@ import OpenEXR
 import pytest
 import torch
 from samples import generator, random_features, uniform
-
 from sspc_reference import compare, evaluate, features, fit, network, read
 from sspc_reference.__main__ import main
 
@@ -82,9 +81,7 @@ def test_a_tile_with_its_halo_is_a_part_of_the_whole():
     net = network.Network(16).double()
     network.near_denoised_start(net, generator(1))
     radius, halo, whole = 2, fit.NETWORK_RADIUS, [fit.Tile(0, 0, 17, 14)]
-    parts = [
-        fit.Tile(0, 0, 5, 14), fit.Tile(5, 0, 12, 3), fit.Tile(5, 3, 1, 11), fit.Tile(6, 3, 11, 11)
-    ]
+    parts = [fit.Tile(0, 0, 5, 14), fit.Tile(5, 0, 12, 3), fit.Tile(5, 3, 1, 11), fit.Tile(6, 3, 11, 11)]
     expected = fit.step_gradient(net, frame, whole, halo=0, radius=radius)
     gradient = net.flat_gradient()
     found = fit.step_gradient(net, frame, parts, halo, radius)

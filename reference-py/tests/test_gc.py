@@ -5,7 +5,6 @@ import math
 import pytest
 import torch
 from samples import random_features, random_raw, uniform
-
 from sspc_reference import activations, features, gc
 
 # Two float64 computations of the same sums in a different order.
@@ -50,9 +49,7 @@ def by_the_equations(image, parameters, radius):
     return out
 
 
-@pytest.mark.parametrize(
-    ("height", "width", "radius"), [(1, 1, 9), (1, 2, 9), (5, 3, 9), (7, 11, 3), (6, 4, 12)]
-)
+@pytest.mark.parametrize(("height", "width", "radius"), [(1, 1, 9), (1, 2, 9), (5, 3, 9), (7, 11, 3), (6, 4, 12)])
 def test_correct_is_the_equation(height, width, radius):
     image = random_features(1, height, width)
     parameters = activations.activate(random_raw(2, height, width))
@@ -90,8 +87,7 @@ def test_gradients_are_finite_differences(outputs):
             with torch.no_grad():
                 slope = (objective(raw + moved) - objective(raw - moved)) / (2 * step)
             assert math.isclose(
-                raw.grad[0, channel, row, column], slope,
-                rel_tol=FINITE_DIFFERENCE, abs_tol=FINITE_DIFFERENCE,
+                raw.grad[0, channel, row, column], slope, rel_tol=FINITE_DIFFERENCE, abs_tol=FINITE_DIFFERENCE
             ), (channel, row, column)
 
 
@@ -153,9 +149,7 @@ def test_borders_are_mirrored_with_the_edge_repeated():
     image = random_features(19, 6, 6)
     raw = random_raw(20, 6, 6)
     flipped = gc.correct(image.flip(2, 3), activations.activate(raw.flip(2, 3)))
-    assert torch.allclose(
-        flipped.flip(2, 3), gc.correct(image, activations.activate(raw)), rtol=1e-10
-    )
+    assert torch.allclose(flipped.flip(2, 3), gc.correct(image, activations.activate(raw)), rtol=1e-10)
 
 
 def test_the_gate_mixes_with_the_denoised_image():

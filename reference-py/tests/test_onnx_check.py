@@ -1,11 +1,10 @@
-"""The onnxruntime check passes on a right file and fails on a wrong one; files made with onnx itself."""
+"""The onnxruntime check passes on a correct file and fails on a wrong one; the files are made with onnx itself."""
 
 import numpy as np
 import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 from samples import generator, random_features
-
 from sspc_reference import network, onnx_check
 
 

@@ -1,8 +1,7 @@
-"""The check of committed parity cases must catch what it is there for."""
+"""The check of the committed parity cases detects what it should."""
 
 import numpy as np
 import pytest
-
 from parity.case import Case, Inputs, difference
 
 

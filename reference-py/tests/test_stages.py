@@ -5,7 +5,6 @@ import math
 import pytest
 import torch
 from samples import generator, random_features, random_raw, uniform
-
 from sspc_reference import activations, features, loss, network
 
 

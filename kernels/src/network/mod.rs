@@ -42,7 +42,7 @@ impl Shape {
 
     /// Two hidden layers of sixteen channels and one to the parameters. Fitted to one frame, with
     /// as many steps, it comes closer to the truth than the paper's nine layers, in less time
-    /// (`tests/bench --ablations`): there is less to learn from noise.
+    /// (`bench/run --ablations`): there is less to learn from noise.
     pub fn shallow(form: Form) -> Self {
         Self { layers: 3, ..Self::paper(form) }
     }

@@ -1,4 +1,4 @@
-//! Models from strangers: every test fails when the check it is named after is taken out.
+//! Hostile model files: every test fails when the check it is named after is removed.
 
 use super::*;
 use crate::builder::int;

@@ -1,1 +1,0 @@
-"""Time and memory against the size of the frame; the command is tests/scale."""
