@@ -6,8 +6,11 @@ use std::path::PathBuf;
 /// Which channels of which file filled a role.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RoleSource {
+    /// The role.
     pub role: Role,
+    /// Of which samples.
     pub buffer: Buffer,
+    /// The file.
     pub path: PathBuf,
     /// Full channel names as in the file, in component order.
     pub channels: Vec<String>,
@@ -40,7 +43,9 @@ pub struct Reference {
 /// A frame: two half buffers of one size, and what was made of both together.
 #[derive(Clone, Debug)]
 pub struct Frame {
+    /// The first half.
     pub a: HalfBuffer,
+    /// The second half, of other samples and as many.
     pub b: HalfBuffer,
     /// The denoiser's output on the full buffer; without it the mean of both halves' is the baseline.
     pub denoised: Option<Image>,
@@ -117,10 +122,12 @@ impl Frame {
         }
     }
 
+    /// Rows.
     pub fn height(&self) -> usize {
         self.a.radiance.height()
     }
 
+    /// Columns.
     pub fn width(&self) -> usize {
         self.a.radiance.width()
     }

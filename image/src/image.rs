@@ -74,14 +74,17 @@ impl Image {
         rows.for_each(|(row, values)| change(row / height, row % height, values));
     }
 
+    /// Planes.
     pub fn channels(&self) -> usize {
         self.channels
     }
 
+    /// Rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
+    /// Columns.
     pub fn width(&self) -> usize {
         self.width
     }
@@ -96,6 +99,7 @@ impl Image {
         &self.data
     }
 
+    /// All planes, one after another.
     pub fn data_mut(&mut self) -> &mut [f32] {
         &mut self.data
     }
@@ -115,6 +119,7 @@ impl Image {
         &self.data[(c * self.height + y) * self.width..][..self.width]
     }
 
+    /// Plane `c` as `height * width` values.
     pub fn plane_mut(&mut self, c: usize) -> &mut [f32] {
         let pixels = self.pixels();
         &mut self.data[c * pixels..(c + 1) * pixels]
@@ -138,10 +143,12 @@ impl Image {
         [r, g, b]
     }
 
+    /// Value of plane `c` at row `y`, column `x`.
     pub fn at(&self, c: usize, y: usize, x: usize) -> f32 {
         self.data[(c * self.height + y) * self.width + x]
     }
 
+    /// Changes the value of plane `c` at row `y`, column `x`.
     pub fn set(&mut self, c: usize, y: usize, x: usize, value: f32) {
         self.data[(c * self.height + y) * self.width + x] = value;
     }

@@ -1,10 +1,10 @@
 //! How fast the kernels run on one thread, under every instruction set, and that they are right
-//! while they do: `cargo run --release -p sspc-core --example kernel_rates`.
+//! while they do: `cargo run --release -p sspc-kernels --example kernel_rates`.
 
 use fastrand::Rng;
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{self, Given, ParameterPlanes, Taps};
+use sspc_kernels::gc::{self, Correction, Given, ParameterPlanes, Taps};
 use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes};
 use sspc_kernels::parameters::{self, Form};
 use sspc_kernels::region::Region;
@@ -52,13 +52,14 @@ fn main() {
             let mut p = out.clone();
             parameters::activate(isa, Form::Gated, &mut p);
             let view = ParameterPlanes::of_region(Form::Gated, &p, &region);
+            let correction = Correction { windows: &windows, taps: &taps, region, parameters: view };
             let mut corrected = vec![0.0; 3 * region.pixels()];
             let mut gradient = vec![0.0; p.len()];
-            let gc_forward = seconds(|| gc::forward(isa, &windows, &taps, region, view, &mut corrected));
+            let gc_forward = seconds(|| correction.forward(isa, &mut corrected));
             let ones = vec![1.0; 3 * region.pixels()];
             let gc_both = seconds(|| {
                 let mut given = Given::new(&ones, region);
-                gc::backward(isa, &windows, &taps, region, view, &mut given, &mut corrected, &mut gradient);
+                correction.backward(isa, &mut given, &mut corrected, &mut gradient);
             });
             let micro = 1e6 / region.pixels() as f64;
             println!(

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Rows that are padded by one thread at a time.
-const ROWS_A_JOB: usize = 16;
+const ROWS_PER_JOB: usize = 16;
 
 /// The 13 feature planes of a picture with mirrored borders (the edge pixel repeated), from which
 /// every window Ω_c can be read without a bounds check, and the mask of missing pixels.
@@ -53,7 +53,7 @@ impl Windows {
         let (picture_height, width) = size;
         let mut windows = Self::within(Vec::new(), rows.len(), width, valid.is_some(), set, radius);
         let padded_rows = rows.len() + 2 * radius;
-        let lines = windows.data.par_chunks_exact_mut(windows.stride).with_min_len(ROWS_A_JOB).enumerate();
+        let lines = windows.data.par_chunks_exact_mut(windows.stride).with_min_len(ROWS_PER_JOB).enumerate();
         lines.for_each(|(line, padded)| {
             let (c, row) = (line / padded_rows, rows.start + line % padded_rows);
             let y = mirrored(row as isize - radius as isize, picture_height);
@@ -107,14 +107,17 @@ impl Windows {
         Self { height, width, radius, stride, plane, set, data, masked }
     }
 
+    /// Rows of the picture.
     pub fn height(&self) -> usize {
         self.height
     }
 
+    /// Columns of the picture.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// Radius of the largest window.
     pub fn radius(&self) -> usize {
         self.radius
     }
@@ -129,6 +132,7 @@ impl Windows {
         self.plane
     }
 
+    /// Features that take part.
     pub fn set(&self) -> FeatureSet {
         self.set
     }
@@ -138,6 +142,7 @@ impl Windows {
         self.masked
     }
 
+    /// All padded planes.
     pub fn data(&self) -> &[f32] {
         &self.data
     }

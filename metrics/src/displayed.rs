@@ -14,7 +14,9 @@ const SSIM_C2: f64 = 0.03 * 0.03;
 
 /// A picture and its reference as displayed, 0..1 sRGB-encoded, in f32 (not rounded to 8 bits).
 pub struct Displayed {
+    /// The picture, `[3, H, W]`.
     pub picture: Image,
+    /// What it is compared with, `[3, H, W]`.
     pub reference: Image,
     /// Per pixel: both were finite. A missing pixel shows the reference's value (or black) in both, so that it
     /// disturbs no window.

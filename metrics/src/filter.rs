@@ -5,8 +5,11 @@ use rayon::prelude::*;
 /// A plane `[H, W]` of f32.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Row by row.
     pub data: Vec<f32>,
 }
 

@@ -77,6 +77,7 @@ pub fn form_name(form: Form) -> &'static str {
 /// The form of a model and where it comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contract {
+    /// Which corrector the network gives the parameters of.
     pub form: Form,
     /// Size of the network; its outputs are the form's parameters.
     pub shape: Shape,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 /// A model that this contract does not cover, or bytes that are no model.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum Error {
     #[error("model of {found} bytes: at most {limit} are read")]
     TooLarge { found: u64, limit: u64 },
@@ -45,6 +46,7 @@ pub enum Error {
 
 /// An [`Error`] and the file it is about.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum FileError {
     #[error("{}: cannot be read: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },

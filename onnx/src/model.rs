@@ -7,6 +7,7 @@ use sspc_kernels::network::{Network, layer};
 /// Contract and weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
+    /// What the model is.
     pub contract: Contract,
     /// Layer after layer: weight `[out][in][3][3]` row-major, then bias `[out]`.
     pub weights: Vec<f32>,

@@ -4,7 +4,7 @@ use super::{RELATIVE_FLOOR, Tile, own_weight, relative_weight, triple};
 use crate::prepare::Prepared;
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
-use sspc_kernels::gc::{self, ParameterPlanes, Taps};
+use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
 use sspc_kernels::loss::SelfSupervised;
 use sspc_kernels::parameters::{Form, activate, activate_backward};
 use sspc_kernels::simd::Isa;
@@ -26,8 +26,11 @@ pub struct HalfObjective {
 /// Both halves of a frame, ready to be trained on.
 #[derive(Clone, Debug)]
 pub struct Objective {
+    /// Which corrector is fitted.
     pub form: Form,
+    /// Window of g_c.
     pub taps: Taps,
+    /// The first half and the second.
     pub halves: [HalfObjective; 2],
 }
 
@@ -93,7 +96,8 @@ impl Objective {
         let view = ParameterPlanes::of_region(self.form, parameters, &region);
         let windows = planes.windows(region, std::mem::take(padded));
         let mut judge = SelfSupervised { target, weight, region, scale, influence, sum: 0.0 };
-        gc::backward(isa, &windows, &self.taps, region.at_origin(), view, &mut judge, corrected, gradient);
+        let pixels = Correction { windows: &windows, taps: &self.taps, region: region.at_origin(), parameters: view };
+        pixels.backward(isa, &mut judge, corrected, gradient);
         *padded = windows.into_data();
         mirror.apply(gradient, region.height, region.width);
         activate_backward(isa, self.form, outputs, gradient);

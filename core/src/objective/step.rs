@@ -13,8 +13,11 @@ use std::sync::{Mutex, PoisonError};
 
 /// What a step is computed with.
 pub struct Step<'a> {
+    /// The frame.
     pub objective: &'a Objective,
+    /// The network.
     pub shape: Shape,
+    /// Instruction set of the kernels.
     pub isa: Isa,
     /// The limit of [`Objective::loss`].
     pub influence: f32,

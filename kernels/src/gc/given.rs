@@ -3,7 +3,7 @@
 //! Training fuses the loss into the pass ([`crate::loss`]); this is how kernels are judged against
 //! [`oracle`](super::oracle), and timed.
 
-use super::{Upstream, load_lanes};
+use super::Upstream;
 use crate::region::Region;
 use crate::simd::Simd;
 
@@ -28,9 +28,9 @@ impl Upstream for Given<'_> {
     const NEEDED: bool = true;
 
     #[inline(always)]
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
+    fn gradient<S: Simd>(&mut self, s: S, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
         let at = y * self.region.width + x;
-        // SAFETY: the kernel asks for pixels of its region only, of which `upstream` has three planes.
-        std::array::from_fn(|k| unsafe { load_lanes::<S>(self.upstream, k * self.region.pixels() + at, lanes) })
+        let part = |k: usize| s.load_part(&self.upstream[k * self.region.pixels() + at..][..lanes]);
+        [part(0), part(1), part(2)]
     }
 }

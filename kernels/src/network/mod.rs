@@ -80,7 +80,9 @@ impl Shape {
 /// `[output][input][3][3]` and then the bias `[output]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
+    /// Channels and layers.
     pub shape: Shape,
+    /// [`Shape::parameter_count`] weights and biases.
     pub weights: Vec<f32>,
 }
 
