@@ -30,7 +30,7 @@ const LEAST_ROWS: usize = 64;
 
 /// How a frame is corrected.
 #[derive(Clone, Copy, Debug)]
-pub struct Correction {
+pub struct CorrectionSettings {
     /// Instruction set of g_c.
     pub isa: Isa,
     /// Form of the parameters.
@@ -172,11 +172,11 @@ pub struct Maps {
 pub fn correct<B: BandSource, P: ParameterSource>(
     frame: &mut B,
     parameters: &P,
-    how: &Correction,
+    how: &CorrectionSettings,
     stop: &dyn Fn() -> bool,
 ) -> Result<Corrected, CorrectError<B::Error, P::Error>> {
     let taps = Taps::square(how.window_radius);
-    let Correction { isa, form, composition, strength, .. } = *how;
+    let CorrectionSettings { isa, form, composition, strength, .. } = *how;
     let composer = Composer { isa, form, taps: &taps, composition, strength };
     let (height, width, exposure) = (frame.height(), frame.width(), frame.stats().exposure);
     let around = (composer.margin() + parameters.shape().radius()).next_multiple_of(BLOCK);

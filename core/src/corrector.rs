@@ -4,7 +4,7 @@ use crate::plan::{BLOCK_ROWS, Plan};
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
-use sspc_kernels::gc::{self, ParameterPlanes, Taps};
+use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
@@ -31,7 +31,7 @@ pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters:
         for region in stacked(&runs[first..last]) {
             let view = ParameterPlanes::of_picture(form, parameters.data(), windows, &region);
             scratch.resize(3 * region.pixels(), 0.0);
-            gc::forward(isa, windows, taps, region, view, scratch);
+            Correction { windows, taps, region, parameters: view }.forward(isa, scratch);
             put(&region, top, scratch, width, &mut rows);
         }
     });

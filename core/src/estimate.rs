@@ -27,6 +27,7 @@ pub const BLOCK: usize = 16;
 /// A mean over the picture and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Mean {
+    /// The mean.
     pub value: f64,
     /// None below two blocks of pixels, of which no scatter can be told.
     pub standard_error: Option<f64>,
@@ -35,14 +36,18 @@ pub struct Mean {
 /// Self-supervised loss (Eq. 9, the denominator of [`loss`]) over the whole picture and both halves.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Losses {
+    /// Of z.
     pub denoised: f64,
+    /// Of μ̂.
     pub corrected: f64,
 }
 
 /// Estimated relL2 of the mean of both halves, in the frame's own exposure: comparable with relL2 against a reference.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
+    /// Of z.
     pub denoised: Mean,
+    /// Of the corrected picture.
     pub corrected: Mean,
     /// The first less the second: what they share of their uncertainty is gone.
     pub gain: Mean,

@@ -6,7 +6,7 @@ use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{self, NoUpstream, ParameterPlanes, Taps, Upstream};
+use sspc_kernels::gc::{self, Correction, NoUpstream, ParameterPlanes, Taps, Upstream};
 use sspc_kernels::network::{self, Network, Shape};
 use sspc_kernels::parameters::{self, Form, activation_f64};
 use sspc_kernels::region::Region;
@@ -50,13 +50,8 @@ struct Fixed<'a> {
 
 impl Upstream for Fixed<'_> {
     const NEEDED: bool = true;
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
-        std::array::from_fn(|k| {
-            let mut row = [0.0; 16];
-            let at = k * self.pixels + y * self.width + x;
-            row[..lanes].copy_from_slice(&self.gradient[at..at + lanes]);
-            unsafe { S::load(row.as_ptr()) }
-        })
+    fn gradient<S: Simd>(&mut self, s: S, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
+        std::array::from_fn(|k| s.load_part(&self.gradient[k * self.pixels + y * self.width + x..][..lanes]))
     }
 }
 
@@ -124,15 +119,16 @@ fn check(case: &Case, taps: &Taps, seed: u64) {
     }
     for isa in Isa::available() {
         let view = ParameterPlanes::of_region(case.form, &p, &case.region);
+        let correction = Correction { windows: &windows, taps, region: case.region, parameters: view };
         let mut out = vec![0.0; 3 * pixels];
-        gc::forward(isa, &windows, taps, case.region, view, &mut out);
+        correction.forward(isa, &mut out);
         for (i, (&got, t)) in out.iter().zip(&truth).enumerate() {
             let error = (f64::from(got) - t).abs() / magnitude[i].max(1e-20);
             assert!(error < FORWARD_TOLERANCE, "{}: μ̂ at {i}: {got} is not {t}", isa.name());
         }
         let mut gradient = vec![0.0; p.len()];
         let mut fixed = Fixed { gradient: &upstream, width: case.region.width, pixels };
-        gc::backward(isa, &windows, taps, case.region, view, &mut fixed, &mut out, &mut gradient);
+        correction.backward(isa, &mut fixed, &mut out, &mut gradient);
         for c in 0..case.form.parameters() {
             let part = c * pixels..(c + 1) * pixels;
             let scale = truth_gradient[part.clone()].iter().fold(GRADIENT_CONDITION * amplified, |m, t| m.max(t.abs()));
@@ -225,7 +221,8 @@ fn a_region_is_the_same_part_of_the_whole() {
     let isa = Isa::best();
     parameters::activate(isa, Form::Paper, &mut p);
     let mut out = vec![0.0; 3 * whole.pixels()];
-    gc::forward(isa, &windows, &taps, whole, ParameterPlanes::of_region(Form::Paper, &p, &whole), &mut out);
+    let of = |region, parameters| Correction { windows: &windows, taps: &taps, region, parameters };
+    of(whole, ParameterPlanes::of_region(Form::Paper, &p, &whole)).forward(isa, &mut out);
     let whole_image = Image::from_planes(3, 29, 90, out);
     for region in [
         Region { top: 3, left: 0, height: 5, width: 90 },
@@ -234,16 +231,8 @@ fn a_region_is_the_same_part_of_the_whole() {
     ] {
         let mut part = vec![0.0; 3 * region.pixels()];
         let view = ParameterPlanes::of_picture(Form::Paper, &p, &windows, &region);
-        gc::backward(
-            isa,
-            &windows,
-            &taps,
-            region,
-            view,
-            &mut NoUpstream,
-            &mut part,
-            &mut vec![0.0; 15 * region.pixels()],
-        );
+        let gradient = &mut vec![0.0; 15 * region.pixels()];
+        of(region, view).backward(isa, &mut NoUpstream, &mut part, gradient);
         let expected = whole_image.crop(region.top, region.left, region.height, region.width);
         assert_eq!(part, expected.data(), "{region:?} differs from the same part of the whole");
     }

@@ -37,20 +37,21 @@ impl Kernel for Peak {
     type Output = f32;
 
     #[inline(always)]
-    unsafe fn run<S: Simd>(self) -> f32 {
+    fn run<S: Simd>(self, s: S) -> f32 {
         const CHAINS: usize = 12;
-        // SAFETY: `dispatch` has found the instruction set; nothing is loaded or stored beyond the array.
-        unsafe {
-            let (a, b) = (S::splat(0.999), S::splat(1e-3));
-            let mut sums: [S::F; CHAINS] = std::array::from_fn(|i| S::splat(i as f32));
-            for _ in 0..self.0 {
-                sums = sums.map(|sum| S::fma(sum, a, b));
-            }
-            let mut total = [0.0; MAX_LANES];
-            let sum = sums.into_iter().fold(S::zero(), |total, sum| S::add(total, sum));
-            S::store(total.as_mut_ptr(), sum);
-            total[0]
+        let (a, b) = (s.splat(0.999), s.splat(1e-3));
+        let mut sums = [s.zero(); CHAINS];
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum = s.splat(i as f32);
         }
+        for _ in 0..self.0 {
+            for sum in &mut sums {
+                *sum = s.fma(*sum, a, b);
+            }
+        }
+        let mut total = [0.0; MAX_LANES];
+        s.store(&mut total, sums.into_iter().fold(s.zero(), |total, sum| s.add(total, sum)));
+        total[0]
     }
 }
 

@@ -34,13 +34,18 @@ pub const CHANNEL_NAMES: [&str; FEATURE_CHANNELS] = [
 /// zeros, its differences vanish, and the kernels skip it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct FeatureSet {
+    /// ρ.
     pub albedo: bool,
+    /// n.
     pub normal: bool,
+    /// v.
     pub visibility: bool,
 }
 
 impl FeatureSet {
+    /// All of them.
     pub const ALL: FeatureSet = FeatureSet { albedo: true, normal: true, visibility: true };
+    /// None of them: y and z alone.
     pub const NONE: FeatureSet = FeatureSet { albedo: false, normal: false, visibility: false };
 
     /// Features of this one that the other has not.

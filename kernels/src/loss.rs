@@ -1,6 +1,6 @@
 //! The self-supervised loss (Eqs. 8, 9) as an upstream gradient of g_c, so that a tile needs one pass.
 
-use crate::gc::{Upstream, load_lanes};
+use crate::gc::Upstream;
 use crate::region::Region;
 use crate::simd::{MAX_LANES, Simd};
 use sspc_image::Image;
@@ -25,39 +25,18 @@ impl Upstream for SelfSupervised<'_> {
     const NEEDED: bool = true;
 
     #[inline(always)]
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, corrected: [S::F; 3]) -> [S::F; 3] {
+    fn gradient<S: Simd>(&mut self, s: S, y: usize, x: usize, lanes: usize, corrected: [S::F; 3]) -> [S::F; 3] {
         let at = (self.region.top + y) * self.target.width() + self.region.left + x;
-        // SAFETY: `at .. at + lanes` lies in every plane of the picture; `squares` has MAX_LANES.
-        unsafe {
-            let weight = load_lanes::<S>(self.weight.plane(0), at, lanes);
-            let error: [S::F; 3] =
-                std::array::from_fn(|k| S::sub(corrected[k], load_lanes::<S>(self.target.plane(k), at, lanes)));
-            let squared = S::fma(error[2], error[2], S::fma(error[1], error[1], S::mul(error[0], error[0])));
-            let relative = S::mul(weight, squared);
-            let mut squares = [0.0; MAX_LANES];
-            S::store(squares.as_mut_ptr(), relative);
-            self.sum += squares[..lanes].iter().map(|&v| f64::from(v)).sum::<f64>();
-            let one = S::splat(1.0);
-            let excess = S::mul(relative, S::splat(1.0 / (self.influence * self.influence)));
-            let factor = S::div(S::mul(weight, S::splat(2.0 * self.scale)), S::sqrt(S::add(one, excess)));
-            error.map(|e| S::mul(e, factor))
-        }
-    }
-}
-
-/// An upstream gradient that is known beforehand, `[3, h, w]`.
-pub struct Given<'a> {
-    pub upstream: &'a [f32],
-    pub region: Region,
-}
-
-impl Upstream for Given<'_> {
-    const NEEDED: bool = true;
-
-    #[inline(always)]
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
-        let at = y * self.region.width + x;
-        // SAFETY: `at .. at + lanes` lies in every plane of the region.
-        std::array::from_fn(|k| unsafe { load_lanes::<S>(self.upstream, k * self.region.pixels() + at, lanes) })
+        let weight = s.load_part(&self.weight.plane(0)[at..at + lanes]);
+        let target = |k: usize| s.load_part(&self.target.plane(k)[at..at + lanes]);
+        let error: [S::F; 3] = std::array::from_fn(|k| s.sub(corrected[k], target(k)));
+        let squared = s.fma(error[2], error[2], s.fma(error[1], error[1], s.mul(error[0], error[0])));
+        let relative = s.mul(weight, squared);
+        let mut squares = [0.0; MAX_LANES];
+        s.store(&mut squares, relative);
+        self.sum += squares[..lanes].iter().map(|&v| f64::from(v)).sum::<f64>();
+        let excess = s.mul(relative, s.splat(1.0 / (self.influence * self.influence)));
+        let factor = s.div(s.mul(weight, s.splat(2.0 * self.scale)), s.sqrt(s.add(s.splat(1.0), excess)));
+        error.map(|e| s.mul(e, factor))
     }
 }

@@ -7,7 +7,7 @@
 //! | 14 | weight τ of the centre pixel | softplus(o) + 1e-4 |
 //! | 15 | gate s towards z (gated form only) | 1 / (1 + e^-o) |
 
-use crate::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
+use crate::simd::{Isa, Kernel, Simd, dispatch};
 
 /// First slope of z; those of ρ and n follow.
 pub const SLOPES: usize = 0;
@@ -71,68 +71,64 @@ pub fn activate_backward(isa: Isa, form: Form, raw: &[f32], gradient: &mut [f32]
     dispatch(isa, ActivateBackward { form, raw, gradient });
 }
 
-/// exp(-|o|), softplus(o) and its derivative.
+/// softplus(o) and its derivative.
 #[inline(always)]
-unsafe fn softplus<S: Simd>(o: S::F) -> (S::F, S::F) {
-    unsafe {
-        let magnitude = S::abs(o);
-        let e = S::exp2(S::mul(magnitude, S::splat(-std::f32::consts::LOG2_E)));
-        let log = S::mul(S::log2_1p(e), S::splat(std::f32::consts::LN_2));
-        (S::add(S::max(o, S::zero()), log), sigmoid_of::<S>(o, e))
-    }
+fn softplus<S: Simd>(s: S, o: S::F) -> (S::F, S::F) {
+    let e = exp_of_minus_magnitude(s, o, 1.0);
+    let log = s.mul(s.log2_1p(e), s.splat(std::f32::consts::LN_2));
+    (s.add(s.max(o, s.zero()), log), sigmoid_of(s, o, e))
+}
+
+/// exp(-factor |o|)
+#[inline(always)]
+fn exp_of_minus_magnitude<S: Simd>(s: S, o: S::F, factor: f32) -> S::F {
+    s.exp2(s.mul(s.abs(o), s.splat(-factor * std::f32::consts::LOG2_E)))
 }
 
 /// 1 / (1 + e^-o) given e = exp(-|o|).
 #[inline(always)]
-unsafe fn sigmoid_of<S: Simd>(o: S::F, e: S::F) -> S::F {
-    unsafe {
-        let one = S::splat(1.0);
-        let small = S::div(e, S::add(one, e));
-        // o > 0: 1 - small, else small; 1 / (1 + e) keeps its precision either way.
-        S::add(S::sub(small, S::where_positive(o, small)), S::where_positive(o, S::div(one, S::add(one, e))))
-    }
+fn sigmoid_of<S: Simd>(s: S, o: S::F, e: S::F) -> S::F {
+    let one = s.splat(1.0);
+    let small = s.div(e, s.add(one, e));
+    // o > 0: 1 - small, else small; 1 / (1 + e) keeps its precision either way.
+    s.add(s.sub(small, s.where_positive(o, small)), s.where_positive(o, s.div(one, s.add(one, e))))
 }
 
 /// tanh(o) and its derivative.
 #[inline(always)]
-unsafe fn tanh<S: Simd>(o: S::F) -> (S::F, S::F) {
-    unsafe {
-        let one = S::splat(1.0);
-        let e = S::exp2(S::mul(S::abs(o), S::splat(-2.0 * std::f32::consts::LOG2_E)));
-        let sum = S::add(one, e);
-        let value = S::copysign(S::div(S::sub(one, e), sum), o);
-        (value, S::div(S::mul(S::splat(4.0), e), S::mul(sum, sum)))
-    }
+fn tanh<S: Simd>(s: S, o: S::F) -> (S::F, S::F) {
+    let one = s.splat(1.0);
+    let e = exp_of_minus_magnitude(s, o, 2.0);
+    let sum = s.add(one, e);
+    let value = s.copysign(s.div(s.sub(one, e), sum), o);
+    (value, s.div(s.mul(s.splat(4.0), e), s.mul(sum, sum)))
 }
 
 /// Value and derivative of parameter `channel` at output `o`.
 #[inline(always)]
-unsafe fn activation<S: Simd>(channel: usize, o: S::F) -> (S::F, S::F) {
-    unsafe {
-        match channel {
-            0..SLOPE_COUNT => tanh::<S>(o),
-            BANDWIDTHS..CENTRE => {
-                let (softplus, slope) = softplus::<S>(o);
-                let value = S::div(S::splat(1.0), S::fma(softplus, softplus, S::splat(FLOOR)));
-                // Small factors first: softplus alone may be as large as f32 goes.
-                let slope = S::mul(S::mul(S::splat(-2.0), slope), value);
-                (value, S::mul(slope, S::mul(softplus, value)))
-            }
-            CENTRE => {
-                let (softplus, slope) = softplus::<S>(o);
-                (S::add(softplus, S::splat(FLOOR)), slope)
-            }
-            _ => {
-                let e = S::exp2(S::mul(S::abs(o), S::splat(-std::f32::consts::LOG2_E)));
-                let value = sigmoid_of::<S>(o, e);
-                let sum = S::add(S::splat(1.0), e);
-                (value, S::div(e, S::mul(sum, sum)))
-            }
+fn activation<S: Simd>(s: S, channel: usize, o: S::F) -> (S::F, S::F) {
+    match channel {
+        0..SLOPE_COUNT => tanh(s, o),
+        BANDWIDTHS..CENTRE => {
+            let (softplus, slope) = softplus(s, o);
+            let value = s.div(s.splat(1.0), s.fma(softplus, softplus, s.splat(FLOOR)));
+            // Small factors first: softplus alone may be as large as f32 goes.
+            let slope = s.mul(s.mul(s.splat(-2.0), slope), value);
+            (value, s.mul(slope, s.mul(softplus, value)))
+        }
+        CENTRE => {
+            let (softplus, slope) = softplus(s, o);
+            (s.add(softplus, s.splat(FLOOR)), slope)
+        }
+        _ => {
+            let e = exp_of_minus_magnitude(s, o, 1.0);
+            let sum = s.add(s.splat(1.0), e);
+            (sigmoid_of(s, o, e), s.div(e, s.mul(sum, sum)))
         }
     }
 }
 
-/// What [`for_vectors`] writes for outputs `raw` of one channel.
+/// What [`run_plane`] writes for the outputs `raw` of one channel.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pass {
     /// The activated parameters.
@@ -141,34 +137,17 @@ enum Pass {
     Gradient,
 }
 
-/// Runs one pass over a slice in vectors; the last ones go through a padded copy. No closure: one
-/// would not be compiled for the instruction set of the function that it is called in.
+/// One pass over a plane. No closure: one would not be compiled for the instruction set of the
+/// function that it is called in.
 #[inline(always)]
-unsafe fn for_vectors<S: Simd>(channel: usize, pass: Pass, raw: &[f32], out: &mut [f32]) {
-    unsafe {
-        let whole = raw.len() / S::LANES * S::LANES;
-        for i in (0..whole).step_by(S::LANES) {
-            let p = out.as_mut_ptr().add(i);
-            S::store(p, one_vector::<S>(channel, pass, S::load(raw.as_ptr().add(i)), S::load(p)));
-        }
-        let mut o = [0.0; MAX_LANES];
-        let mut v = [0.0; MAX_LANES];
-        let rest = raw.len() - whole;
-        o[..rest].copy_from_slice(&raw[whole..]);
-        v[..rest].copy_from_slice(&out[whole..]);
-        S::store(v.as_mut_ptr(), one_vector::<S>(channel, pass, S::load(o.as_ptr()), S::load(v.as_ptr())));
-        out[whole..].copy_from_slice(&v[..rest]);
-    }
-}
-
-#[inline(always)]
-unsafe fn one_vector<S: Simd>(channel: usize, pass: Pass, o: S::F, there: S::F) -> S::F {
-    unsafe {
-        let (value, slope) = activation::<S>(channel, o);
-        match pass {
+fn run_plane<S: Simd>(s: S, channel: usize, pass: Pass, raw: &[f32], out: &mut [f32]) {
+    for (raw, out) in raw.chunks(S::LANES).zip(out.chunks_mut(S::LANES)) {
+        let (value, slope) = activation(s, channel, s.load_part(raw));
+        let result = match pass {
             Pass::Value => value,
-            Pass::Gradient => S::mul(there, slope),
-        }
+            Pass::Gradient => s.mul(s.load_part(out), slope),
+        };
+        s.store_part(out, result);
     }
 }
 
@@ -180,10 +159,9 @@ struct ActivatePlane<'a> {
 impl Kernel for ActivatePlane<'_> {
     type Output = ();
     #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
+    fn run<S: Simd>(self, s: S) {
         let raw = self.values.to_vec();
-        // SAFETY: `for_vectors` stays inside its two slices of one length.
-        unsafe { for_vectors::<S>(self.channel, Pass::Value, &raw, self.values) }
+        run_plane(s, self.channel, Pass::Value, &raw, self.values);
     }
 }
 
@@ -196,12 +174,11 @@ struct ActivateBackward<'a> {
 impl Kernel for ActivateBackward<'_> {
     type Output = ();
     #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
+    fn run<S: Simd>(self, s: S) {
         let pixels = (self.raw.len() / self.form.parameters()).max(1);
         let planes = self.raw.chunks_exact(pixels).zip(self.gradient.chunks_exact_mut(pixels));
         for (channel, (raw, gradient)) in planes.enumerate() {
-            // SAFETY: `for_vectors` stays inside its two slices of one length.
-            unsafe { for_vectors::<S>(channel, Pass::Gradient, raw, gradient) }
+            run_plane(s, channel, Pass::Gradient, raw, gradient);
         }
     }
 }

@@ -3,9 +3,13 @@
 /// A rectangle of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
+    /// First row.
     pub top: usize,
+    /// First column.
     pub left: usize,
+    /// Rows.
     pub height: usize,
+    /// Columns.
     pub width: usize,
 }
 
@@ -15,6 +19,7 @@ impl Region {
         Self { top: 0, left: 0, height, width }
     }
 
+    /// Pixels in it.
     pub fn pixels(&self) -> usize {
         self.height * self.width
     }

@@ -107,14 +107,17 @@ impl Windows {
         Self { height, width, radius, stride, plane, set, data, masked }
     }
 
+    /// Rows of the picture.
     pub fn height(&self) -> usize {
         self.height
     }
 
+    /// Columns of the picture.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// Radius of the largest window.
     pub fn radius(&self) -> usize {
         self.radius
     }
@@ -129,6 +132,7 @@ impl Windows {
         self.plane
     }
 
+    /// Features that take part.
     pub fn set(&self) -> FeatureSet {
         self.set
     }
@@ -138,6 +142,7 @@ impl Windows {
         self.masked
     }
 
+    /// All padded planes.
     pub fn data(&self) -> &[f32] {
         &self.data
     }

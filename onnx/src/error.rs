@@ -5,6 +5,7 @@ use std::path::PathBuf;
 /// A model outside this contract, or bytes that are not a model. Fields hold what was expected and what was found.
 #[allow(missing_docs, reason = "each variant's message is its documentation")]
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum Error {
     #[error("model of {found} bytes; the limit is {limit}")]
     TooLarge { found: u64, limit: u64 },
@@ -47,6 +48,7 @@ pub enum Error {
 /// An error and the file it concerns.
 #[allow(missing_docs, reason = "each variant's message is its documentation")]
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum FileError {
     #[error("{}: cannot be read: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },

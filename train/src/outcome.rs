@@ -5,7 +5,7 @@ use crate::preset::Settings;
 use crate::report::RelL2;
 use sspc_cli::{Failure, interrupt};
 use sspc_core::bands::PreparedFrame;
-use sspc_core::correct::{CorrectError, Correction, correct};
+use sspc_core::correct::{CorrectError, CorrectionSettings, correct};
 use sspc_core::frame_sums::Verdict;
 use sspc_core::prepare::Prepared;
 use sspc_image::Image;
@@ -36,7 +36,7 @@ pub fn correct_frame(
     input: &Input,
     prepared: Prepared,
 ) -> Result<Outcome, Failure> {
-    let how = Correction {
+    let how = CorrectionSettings {
         isa,
         form: settings.form,
         window_radius: settings.radius,

@@ -3,7 +3,7 @@
 //! Each tile goes through the network, g_c, the loss and all the way back on one thread while its
 //! planes are in that core's cache; threads meet once a step, when the tiles' gradients are summed.
 
-use super::loss::{Objective, Scratch};
+use super::loss::{Objective, PixelLoss, Scratch};
 use super::tile::Tile;
 use rayon::prelude::*;
 use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes, sum_in_order};
@@ -13,8 +13,11 @@ use std::sync::{Mutex, PoisonError};
 
 /// What a step is computed with.
 pub struct Step<'a> {
+    /// The frame.
     pub objective: &'a Objective,
+    /// The network.
     pub shape: Shape,
+    /// Instruction set of the kernels.
     pub isa: Isa,
     /// The limit of [`Objective::loss`].
     pub influence: f32,
@@ -99,8 +102,8 @@ impl Step<'_> {
         features.clear();
         self.objective.append_features(tile, features);
         network.forward(planes, features, outputs);
-        let limits = (scale, self.influence);
-        let loss = self.objective.tile_loss(self.isa, tile, outputs, limits, by_outputs, scratch);
+        let measure = PixelLoss { scale, influence: self.influence };
+        let loss = self.objective.loss(self.isa, tile, outputs, measure, by_outputs, scratch);
         let pixels = tile.region.pixels();
         by_outputs[self.held.start * pixels..self.held.end * pixels].fill(0.0);
         network.backward(planes, back, by_outputs, gradient);

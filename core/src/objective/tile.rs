@@ -5,8 +5,11 @@ use sspc_kernels::region::Region;
 /// A tile to correct: which half, where, and how the network sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
+    /// 0 or 1.
     pub half: usize,
+    /// Where it lies in the picture.
     pub region: Region,
+    /// How the network sees it.
     pub mirror: Mirror,
 }
 

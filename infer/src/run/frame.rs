@@ -7,7 +7,7 @@ use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::reading::ReadFrame;
 use sspc_cli::{Code, Failure, interrupt, record};
 use sspc_core::bands::FrameBands;
-use sspc_core::correct::{CorrectError, Corrected, Correction, correct};
+use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::resolve::resolve;
 use sspc_frames::{OpenFrame, RoleOverrides, write_corrected};
@@ -51,7 +51,7 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
 
     let ReadFrame { source, stats, roles, warnings } = frame;
     let stats = stats.with_features_of(contract.features);
-    let how = Correction {
+    let how = CorrectionSettings {
         isa,
         form: contract.form,
         window_radius: contract.window_radius,

@@ -30,7 +30,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         let advice = "give a model.onnx that sspc-train fit or export wrote";
         Failure::new(Code::Input, error.to_string(), advice)
     })?;
-    let isa = Isa::best();
+    let isa = Isa::from_env()?;
     let engine = Engine::new(model, arguments.kernels.of(isa), arguments.tile);
     let bar = (jobs.len() > 1).then_some("{bar:32} {pos}/{len} frames  {eta} left");
     let output = Output::new(arguments.run.verbosity(), bar);

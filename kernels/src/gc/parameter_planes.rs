@@ -4,14 +4,18 @@ use crate::parameters::Form;
 use crate::region::Region;
 use crate::windows::Windows;
 
-/// Activated parameters of a region: `plane` floats from one parameter to the next, rows of the
-/// region `row` floats apart from `start` on.
+/// Activated parameters of a region.
 #[derive(Clone, Copy, Debug)]
 pub struct ParameterPlanes<'a> {
+    /// Which parameters there are.
     pub form: Form,
+    /// Planes of a picture that holds the region.
     pub values: &'a [f32],
+    /// Where the region's first pixel lies in a plane.
     pub start: usize,
+    /// Floats from one parameter to the next.
     pub plane: usize,
+    /// Floats from one row to the next.
     pub row: usize,
 }
 

@@ -3,9 +3,10 @@
 //! 361 taps read every feature plane of every row, so a row is copied once to where constant
 //! distances lead from plane to plane and the rows of a window stay in the first caches.
 
+use crate::aligned::Aligned;
 use crate::features::{FEATURE_CHANNELS, MAX_RADIUS};
 use crate::region::Region;
-use crate::simd::MAX_LANES;
+use crate::simd::{MAX_LANES, Simd};
 use crate::windows::Windows;
 
 /// Widest strip: rows, sums and logarithms of a pair of rows fit the first cache together.
@@ -17,27 +18,24 @@ pub(super) const PITCH: usize = (LEFT + STRIP + MAX_RADIUS + MAX_LANES).next_mul
 /// All features, and the mask of missing pixels.
 const ROW: usize = (FEATURE_CHANNELS + 1) * PITCH;
 
-/// Floats in whole cache lines.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-pub(super) struct Line {
-    _floats: [f32; MAX_LANES],
-}
+/// One copied row: [`PITCH`] floats of every plane.
+pub(super) type Row = [f32; ROW];
 
-/// Zeros for `floats` floats.
-pub(super) fn lines(floats: usize) -> Vec<Line> {
-    vec![Line { _floats: [0.0; MAX_LANES] }; floats.div_ceil(MAX_LANES)]
+/// The planes of a row from column `x` (which may lie outside the strip) on.
+#[inline(always)]
+pub(super) fn at_column<S: Simd>(row: &Row, x: isize) -> &[f32] {
+    &row[LEFT.wrapping_add_signed(x)..][..FEATURE_CHANNELS * PITCH + S::LANES]
 }
 
 /// The rows that a row of pixels is compared with, itself included, as a ring.
 pub(super) struct Rows {
-    data: Vec<Line>,
+    data: Aligned,
     radius: usize,
 }
 
 impl Rows {
     pub(super) fn new(radius: usize) -> Self {
-        Self { data: lines((radius + 1) * ROW), radius }
+        Self { data: Aligned::zeros((radius + 1) * ROW), radius }
     }
 
     /// Copies row `y` (from -radius on) of a strip with all that its windows reach to either side.
@@ -50,21 +48,17 @@ impl Rows {
         let at = self.slot(y) * ROW + LEFT - radius;
         for c in 0..FEATURE_CHANNELS + usize::from(windows.masked()) {
             let source = &windows.data()[c * windows.plane() + from..][..count];
-            self.floats_mut()[at + c * PITCH..][..count].copy_from_slice(source);
+            self.data[at + c * PITCH..][..count].copy_from_slice(source);
         }
     }
 
-    /// Column 0 of the first plane of row `y`.
-    pub(super) fn at(&self, y: isize) -> *const f32 {
-        self.data.as_ptr().cast::<f32>().wrapping_add(self.slot(y) * ROW + LEFT)
+    /// Row `y`.
+    pub(super) fn row(&self, y: isize) -> &Row {
+        let rows = self.data.as_chunks().0;
+        &rows[self.slot(y)]
     }
 
     fn slot(&self, y: isize) -> usize {
         (y + self.radius as isize) as usize % (self.radius + 1)
-    }
-
-    fn floats_mut(&mut self) -> &mut [f32] {
-        // SAFETY: a `Line` is MAX_LANES floats and nothing else.
-        unsafe { std::slice::from_raw_parts_mut(self.data.as_mut_ptr().cast(), self.data.len() * MAX_LANES) }
     }
 }

@@ -20,14 +20,17 @@ impl Taps {
         Self { offsets: offsets.into_iter().filter(|&offset| offset != (0, 0)).collect() }
     }
 
+    /// Offsets (dy, dx).
     pub fn list(&self) -> &[(i32, i32)] {
         &self.offsets
     }
 
+    /// Number of taps.
     pub fn len(&self) -> usize {
         self.offsets.len()
     }
 
+    /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.offsets.is_empty()
     }

@@ -1,68 +1,61 @@
-//! Vectors of pixels: loads, stores, and three components at a time.
+//! Vectors of pixels, several at a time.
 
 use super::strip::PITCH;
-use crate::simd::{MAX_LANES, Simd};
+use crate::simd::Simd;
 
-/// Loads `lanes` of a row; the rest of the vector is zero.
-///
-/// # Safety
-/// The machine must have `S`.
+/// `N` vectors, the first of them `first` vectors after the start of `from`.
 #[inline(always)]
-pub(crate) unsafe fn load_lanes<S: Simd>(source: &[f32], at: usize, lanes: usize) -> S::F {
-    unsafe {
-        if lanes == S::LANES {
-            S::load(source[at..at + S::LANES].as_ptr())
-        } else {
-            let mut rest = [0.0; MAX_LANES];
-            rest[..lanes].copy_from_slice(&source[at..at + lanes]);
-            S::load(rest.as_ptr())
-        }
+pub(super) fn load_vectors<S: Simd, const N: usize>(s: S, from: &[f32], first: usize) -> [S::F; N] {
+    let mut values = [s.zero(); N];
+    for (i, v) in values.iter_mut().enumerate() {
+        *v = s.load(&from[(first + i) * S::LANES..]);
     }
+    values
 }
 
-/// `N` vectors, the first of them `first` vectors after `from`.
+/// Writes vectors, the first of them `first` vectors after the start of `to`.
 #[inline(always)]
-pub(super) unsafe fn vectors<S: Simd, const N: usize>(from: *const f32, first: usize) -> [S::F; N] {
-    unsafe {
-        let mut values = [S::zero(); N];
-        for (i, v) in values.iter_mut().enumerate() {
-            *v = S::load(from.add((first + i) * S::LANES));
-        }
-        values
-    }
-}
-
-#[inline(always)]
-pub(super) unsafe fn store_vectors<S: Simd, const N: usize>(to: *mut f32, first: usize, values: [S::F; N]) {
+pub(super) fn store_vectors<S: Simd, const N: usize>(s: S, to: &mut [f32], first: usize, values: [S::F; N]) {
     for (i, v) in values.into_iter().enumerate() {
-        unsafe { S::store(to.add((first + i) * S::LANES), v) }
+        s.store(&mut to[(first + i) * S::LANES..], v);
     }
 }
 
-/// Three planes of a copied row.
+/// The planes `channel..channel + 3` of a copied row, which begins at the pixels.
 #[inline(always)]
-pub(super) unsafe fn load3<S: Simd>(at: *const f32) -> [S::F; 3] {
-    unsafe { [S::load(at), S::load(at.add(PITCH)), S::load(at.add(2 * PITCH))] }
+pub(super) fn load3<S: Simd>(s: S, row: &[f32], channel: usize) -> [S::F; 3] {
+    let plane = |c: usize| s.load(&row[(channel + c) * PITCH..]);
+    [plane(0), plane(1), plane(2)]
 }
 
+/// a - b
 #[inline(always)]
-pub(super) unsafe fn difference<S: Simd>(a: &[S::F; 3], b: &[S::F; 3]) -> [S::F; 3] {
-    unsafe { [S::sub(a[0], b[0]), S::sub(a[1], b[1]), S::sub(a[2], b[2])] }
+pub(super) fn difference<S: Simd>(s: S, a: &[S::F; 3], b: &[S::F; 3]) -> [S::F; 3] {
+    [s.sub(a[0], b[0]), s.sub(a[1], b[1]), s.sub(a[2], b[2])]
 }
 
+/// a · b
 #[inline(always)]
-pub(super) unsafe fn dot<S: Simd>(a: &[S::F; 3], b: &[S::F; 3]) -> S::F {
-    unsafe { S::fma(a[2], b[2], S::fma(a[1], b[1], S::mul(a[0], b[0]))) }
+pub(super) fn dot<S: Simd>(s: S, a: &[S::F; 3], b: &[S::F; 3]) -> S::F {
+    s.fma(a[2], b[2], s.fma(a[1], b[1], s.mul(a[0], b[0])))
 }
 
+/// ‖d‖²
 #[inline(always)]
-pub(super) unsafe fn squared<S: Simd>(d: &[S::F; 3]) -> S::F {
-    unsafe { dot::<S>(d, d) }
+pub(super) fn squared<S: Simd>(s: S, d: &[S::F; 3]) -> S::F {
+    dot(s, d, d)
 }
 
+/// `factor` a
 #[inline(always)]
-pub(super) unsafe fn accumulate<S: Simd>(sums: &mut [S::F; 3], weight: S::F, values: &[S::F; 3]) {
+pub(super) fn scaled<S: Simd>(s: S, a: &[S::F; 3], factor: S::F) -> [S::F; 3] {
+    [s.mul(a[0], factor), s.mul(a[1], factor), s.mul(a[2], factor)]
+}
+
+/// Adds `weight` times the values to the sums.
+#[inline(always)]
+pub(super) fn accumulate<S: Simd>(s: S, sums: &mut [S::F; 3], weight: S::F, values: &[S::F; 3]) {
     for (sum, value) in sums.iter_mut().zip(values) {
-        *sum = unsafe { S::fma(weight, *value, *sum) };
+        *sum = s.fma(weight, *value, *sum);
     }
 }

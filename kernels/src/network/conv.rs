@@ -4,7 +4,7 @@
 //! Rows are vectorised; a block of output channels and two row vectors stay in registers, so each
 //! weight is broadcast once for two multiply-adds and each input vector is loaded once for a block.
 
-use super::planes::{Geometry, Planes};
+use super::planes::Planes;
 use super::{KERNEL, MAX_CHANNELS};
 use crate::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
 
@@ -17,6 +17,7 @@ pub(super) struct Packed {
     inputs: usize,
 }
 
+/// [`Simd::CONV_OUTPUTS`] of the instruction set.
 fn block_of(isa: Isa) -> usize {
     match isa {
         Isa::Avx512 => 8,
@@ -43,20 +44,6 @@ impl Packed {
         let mut packed = Self::new(isa, inputs, |o, i, tap| kernel[(o * inputs + i) * TAPS + tap], bias.len());
         packed.bias[..bias.len()].copy_from_slice(bias);
         packed
-    }
-
-    /// `[output block][input][tap][block]`
-    pub fn weights(&self) -> &[f32] {
-        &self.weights
-    }
-
-    pub fn bias(&self) -> &[f32; MAX_CHANNELS] {
-        &self.bias
-    }
-
-    /// Input channels.
-    pub fn inputs(&self) -> usize {
-        self.inputs
     }
 
     /// The same kernel turned by 180 degrees and transposed: maps output gradients to input gradients.
@@ -97,129 +84,143 @@ impl Kernel for Convolve<'_> {
     type Output = ();
 
     #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
-        // SAFETY: `convolve` checked that all planes share one geometry, whose padding covers the
-        // loads at x - 1 and x + LANES and the stores up to the next multiple of MAX_LANES.
-        unsafe {
-            if S::CONV_OUTPUTS == 8 {
-                convolve_rows::<S, 8>(self);
-            } else {
-                convolve_rows::<S, 4>(self);
-            }
+    fn run<S: Simd>(mut self, s: S) {
+        if S::CONV_OUTPUTS == 8 {
+            convolve_rows::<S, 8>(s, &mut self);
+        } else {
+            convolve_rows::<S, 4>(s, &mut self);
         }
     }
 }
 
-/// Ones for the pixels of a row, zeros from its end on: `[i]` is the mask of a vector that has
-/// `MAX_LANES - i` pixels left.
-static LANE_MASK: [f32; 2 * MAX_LANES] = {
-    let mut mask = [0.0; 2 * MAX_LANES];
-    let mut i = 0;
-    while i < MAX_LANES {
-        mask[i] = 1.0;
-        i += 1;
-    }
-    mask
-};
-
 #[inline(always)]
-unsafe fn convolve_rows<S: Simd, const OUTPUTS: usize>(work: Convolve) {
-    unsafe {
-        let g = work.input.geometry;
-        for y in 0..g.height {
-            let mut x = 0;
-            while x < g.width {
-                if x + S::LANES < g.width {
-                    convolve_at::<S, OUTPUTS, 2>(
-                        &work.input.data,
-                        work.packed,
-                        work.finish,
-                        work.output.data.as_mut_ptr(),
-                        g,
-                        y,
-                        x,
-                    );
-                    x += 2 * S::LANES;
-                } else {
-                    convolve_at::<S, OUTPUTS, 1>(
-                        &work.input.data,
-                        work.packed,
-                        work.finish,
-                        work.output.data.as_mut_ptr(),
-                        g,
-                        y,
-                        x,
-                    );
-                    x += S::LANES;
-                }
+fn convolve_rows<S: Simd, const OUTPUTS: usize>(s: S, work: &mut Convolve) {
+    let g = work.input.geometry;
+    for y in 0..g.height {
+        let mut x = 0;
+        while x < g.width {
+            if x + S::LANES < g.width {
+                convolve_at::<S, OUTPUTS, 2>(s, work, y, x);
+                x += 2 * S::LANES;
+            } else {
+                convolve_at::<S, OUTPUTS, 1>(s, work, y, x);
+                x += S::LANES;
             }
+        }
+        // Whole vectors were stored; what lies outside the picture must stay zero.
+        for channel in work.output.data.chunks_exact_mut(g.plane()) {
+            channel[g.row(y) + g.width..g.row(y) + x].fill(0.0);
         }
     }
 }
 
 /// `VECTORS` row vectors at (y, x), all output channels.
 #[inline(always)]
-unsafe fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
-    input: &[f32],
-    packed: &Packed,
-    finish: Finish,
-    output: *mut f32,
-    g: Geometry,
-    y: usize,
-    x: usize,
-) {
-    unsafe {
-        let plane = g.plane();
-        let at = g.row(y) + x;
-        // The pixel up and to the left.
-        let corner = input.as_ptr().add(at - g.stride - 1);
-        for block in 0..MAX_CHANNELS / OUTPUTS {
-            let first = block * OUTPUTS;
-            let mut sums: [[S::F; VECTORS]; OUTPUTS] =
-                std::array::from_fn(|o| [S::splat(packed.bias[first + o]); VECTORS]);
-            let mut w = packed.weights.as_ptr().add(block * packed.inputs * TAPS * OUTPUTS);
-            for i in 0..packed.inputs {
-                for row in 0..KERNEL {
-                    let p = corner.add(i * plane + row * g.stride);
-                    for column in 0..KERNEL {
-                        let v: [S::F; VECTORS] = std::array::from_fn(|k| S::load(p.add(column + k * S::LANES)));
-                        for (o, sum) in sums.iter_mut().enumerate() {
-                            let weight = S::splat(*w.add(o));
-                            for k in 0..VECTORS {
-                                sum[k] = S::fma(weight, v[k], sum[k]);
-                            }
-                        }
-                        w = w.add(OUTPUTS);
+fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: &mut Convolve, y: usize, x: usize) {
+    let Convolve { input, packed, finish, output } = work;
+    let g = input.geometry;
+    let plane = g.plane();
+    let at = g.row(y) + x;
+    let starts = [at - g.stride - 1, at - 1, at + g.stride - 1];
+    let rows = InputRows { data: &input.data, starts, pitch: plane };
+    for block in 0..MAX_CHANNELS / OUTPUTS {
+        let sums = sums_of_block::<S, OUTPUTS, VECTORS>(s, packed, block, &rows);
+        let first = block * OUTPUTS * plane + at;
+        let output = &mut output.data[first..];
+        // Loops so short that they are unrolled: otherwise the sums would live in memory all along.
+        match finish {
+            Finish::Linear => store_block(s, output, plane, sums),
+            Finish::Relu => store_block(s, output, plane, at_least(s, s.zero(), sums)),
+            Finish::MaskedBy(mask) => {
+                let mut masked = sums;
+                for (o, sum) in masked.iter_mut().enumerate() {
+                    for (k, v) in sum.iter_mut().enumerate() {
+                        *v = s.where_positive(s.load(&mask.data[first + o * plane + k * S::LANES..]), *v);
                     }
                 }
+                store_block(s, output, plane, masked);
             }
-            // Indexed by a loop that is not unrolled, the sums would have to live in memory all along.
-            let mut done = [0.0f32; 2 * 8 * MAX_LANES];
-            for (o, sum) in sums.iter().enumerate() {
-                for (k, v) in sum.iter().enumerate() {
-                    S::store(done.as_mut_ptr().add((k * OUTPUTS + o) * S::LANES), *v);
-                }
-            }
-            for k in 0..VECTORS {
-                let begin = x + k * S::LANES;
-                let left = g.width.saturating_sub(begin).min(MAX_LANES);
-                let inside = S::load(LANE_MASK.as_ptr().add(MAX_LANES - left));
-                for o in 0..OUTPUTS {
-                    let offset = (first + o) * plane + at + k * S::LANES;
-                    let sum = S::load(done.as_ptr().add((k * OUTPUTS + o) * S::LANES));
-                    let value = match finish {
-                        Finish::Linear => sum,
-                        Finish::Relu => S::max(sum, S::zero()),
-                        Finish::MaskedBy(mask) => S::where_positive(S::load(mask.data.as_ptr().add(offset)), sum),
+        }
+    }
+}
+
+/// max(floor, ·) of every vector.
+#[inline(always)]
+pub(super) fn at_least<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
+    s: S,
+    floor: S::F,
+    mut values: [[S::F; VECTORS]; OUTPUTS],
+) -> [[S::F; VECTORS]; OUTPUTS] {
+    for values in &mut values {
+        for v in values {
+            *v = s.max(*v, floor);
+        }
+    }
+    values
+}
+
+/// Writes the vectors of output channels, `plane` floats from one channel to the next.
+#[inline(always)]
+pub(super) fn store_block<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
+    s: S,
+    output: &mut [f32],
+    plane: usize,
+    values: [[S::F; VECTORS]; OUTPUTS],
+) {
+    for (o, values) in values.into_iter().enumerate() {
+        let to = &mut output[o * plane..][..VECTORS * S::LANES];
+        for (k, v) in values.into_iter().enumerate() {
+            s.store(&mut to[k * S::LANES..], v);
+        }
+    }
+}
+
+/// What a row of outputs is computed from.
+pub(super) struct InputRows<'a> {
+    pub data: &'a [f32],
+    /// Where the row above, the same and the one below begin in channel 0, one pixel left of the outputs'.
+    pub starts: [usize; KERNEL],
+    /// Floats from one channel to the next.
+    pub pitch: usize,
+}
+
+/// Bias plus convolution of `VECTORS` row vectors, for the output channels of one block.
+#[inline(always)]
+pub(super) fn sums_of_block<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
+    s: S,
+    packed: &Packed,
+    block: usize,
+    input: &InputRows,
+) -> [[S::F; VECTORS]; OUTPUTS] {
+    let mut sums = [[s.zero(); VECTORS]; OUTPUTS];
+    for (o, sum) in sums.iter_mut().enumerate() {
+        *sum = [s.splat(packed.bias[block * OUTPUTS + o]); VECTORS];
+    }
+    let (weights, _) = packed.weights.as_chunks::<OUTPUTS>();
+    let weights = weights[block * packed.inputs * TAPS..][..packed.inputs * TAPS].as_chunks::<TAPS>().0;
+    let end = (packed.inputs - 1) * input.pitch + VECTORS * S::LANES + KERNEL - 1;
+    assert!(input.starts.iter().all(|start| start + end <= input.data.len()), "rows of the layer's inputs");
+    for (i, weights) in weights.iter().enumerate() {
+        for (row, start) in input.starts.into_iter().enumerate() {
+            for column in 0..KERNEL {
+                let mut v = [s.zero(); VECTORS];
+                for (k, v) in v.iter_mut().enumerate() {
+                    // SAFETY: i is an input, column < KERNEL and k < VECTORS, so the load ends at most at
+                    // start + end, which was checked above.
+                    *v = unsafe {
+                        s.load_from(input.data.as_ptr().add(start + i * input.pitch + column + k * S::LANES))
                     };
-                    S::store(
-                        output.add(offset),
-                        if left < S::LANES { S::where_positive(inside, value) } else { value },
-                    );
+                }
+                for (sum, weight) in sums.iter_mut().zip(&weights[row * KERNEL + column]) {
+                    let weight = s.splat(*weight);
+                    for k in 0..VECTORS {
+                        sum[k] = s.fma(weight, v[k], sum[k]);
+                    }
                 }
             }
         }
     }
+    sums
 }
 
 /// Adds the gradient of one layer's kernel and bias to `gradient` (`[outputs][inputs][3][3]`, then
@@ -250,66 +251,92 @@ impl Kernel for WeightGradient<'_> {
     type Output = ();
 
     #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
-        // SAFETY: as in `Convolve::run`; both planes share one geometry.
-        unsafe {
-            if S::CONV_OUTPUTS == 8 {
-                gradient_blocks::<S, 8>(self);
-            } else {
-                gradient_blocks::<S, 4>(self);
+    fn run<S: Simd>(mut self, s: S) {
+        if S::CONV_OUTPUTS == 8 {
+            gradient_blocks::<S, 8>(s, &mut self);
+        } else {
+            gradient_blocks::<S, 4>(s, &mut self);
+        }
+        bias_gradient(s, &mut self);
+    }
+}
+
+#[inline(always)]
+fn gradient_blocks<S: Simd, const OUTPUTS: usize>(s: S, work: &mut WeightGradient) {
+    for first in (0..work.outputs).step_by(OUTPUTS) {
+        for i in 0..work.inputs {
+            for row in 0..KERNEL {
+                let sums = gradient_sums::<S, OUTPUTS>(s, work, first, i, row);
+                // Stored before they are summed: see `convolve_at`.
+                let mut done = [0.0; 8 * KERNEL * MAX_LANES];
+                for (o, sum) in sums.iter().enumerate() {
+                    for (c, v) in sum.iter().enumerate() {
+                        s.store(&mut done[(o * KERNEL + c) * S::LANES..], *v);
+                    }
+                }
+                for o in 0..OUTPUTS.min(work.outputs - first) {
+                    for c in 0..KERNEL {
+                        let slot = ((first + o) * work.inputs + i) * TAPS + row * KERNEL + c;
+                        work.gradient[slot] += s.sum(s.load(&done[(o * KERNEL + c) * S::LANES..]));
+                    }
+                }
             }
         }
     }
 }
 
+/// Lane by lane, the gradient of the weights of one row of the kernel, from input `i` to the outputs
+/// from `first` on.
 #[inline(always)]
-unsafe fn gradient_blocks<S: Simd, const OUTPUTS: usize>(work: WeightGradient) {
-    unsafe {
-        let g = work.input.geometry;
-        let plane = g.plane();
-        for first in (0..work.outputs).step_by(OUTPUTS) {
-            let upstream = work.upstream.data.as_ptr().add(first * plane + g.row(0));
-            for i in 0..work.inputs {
-                for row in 0..KERNEL {
-                    let input = work.input.data.as_ptr().add(i * plane + g.row(0) + row * g.stride - g.stride - 1);
-                    let mut sums: [[S::F; KERNEL]; OUTPUTS] = [[S::zero(); KERNEL]; OUTPUTS];
-                    for y in 0..g.height {
-                        for x in (0..g.width).step_by(S::LANES) {
-                            let at = y * g.stride + x;
-                            let v: [S::F; KERNEL] = std::array::from_fn(|c| S::load(input.add(at + c)));
-                            for (o, sum) in sums.iter_mut().enumerate() {
-                                let u = S::load(upstream.add(o * plane + at));
-                                for c in 0..KERNEL {
-                                    sum[c] = S::fma(u, v[c], sum[c]);
-                                }
-                            }
-                        }
-                    }
-                    let mut done = [0.0; 8 * KERNEL];
-                    for (o, sum) in sums.iter().enumerate() {
-                        for (c, v) in sum.iter().enumerate() {
-                            done[o * KERNEL + c] = S::sum(*v);
-                        }
-                    }
-                    for o in 0..OUTPUTS.min(work.outputs - first) {
-                        for c in 0..KERNEL {
-                            let slot = ((first + o) * work.inputs + i) * TAPS + row * KERNEL + c;
-                            work.gradient[slot] += done[o * KERNEL + c];
-                        }
+fn gradient_sums<S: Simd, const OUTPUTS: usize>(
+    s: S,
+    work: &WeightGradient,
+    first: usize,
+    i: usize,
+    row: usize,
+) -> [[S::F; KERNEL]; OUTPUTS] {
+    let g = work.input.geometry;
+    let plane = g.plane();
+    // Pixel (0, 0) of the outputs, and what the kernel's row begins with there.
+    let upstream = &work.upstream.data[first * plane + g.row(0)..];
+    let input = &work.input.data[i * plane + g.row(0) + row * g.stride - g.stride - 1..];
+    let end = (g.height - 1) * g.stride + g.width.next_multiple_of(S::LANES);
+    assert!(end + KERNEL - 1 <= input.len() && (OUTPUTS - 1) * plane + end <= upstream.len());
+    let mut sums = [[s.zero(); KERNEL]; OUTPUTS];
+    for y in 0..g.height {
+        for x in (0..g.width).step_by(S::LANES) {
+            let at = y * g.stride + x;
+            // SAFETY: at + LANES <= end, and c < KERNEL and o < OUTPUTS: all loads lie before the ends that
+            // were checked above.
+            unsafe {
+                let mut v = [s.zero(); KERNEL];
+                for (c, v) in v.iter_mut().enumerate() {
+                    *v = s.load_from(input.as_ptr().add(at + c));
+                }
+                for (o, sum) in sums.iter_mut().enumerate() {
+                    let u = s.load_from(upstream.as_ptr().add(o * plane + at));
+                    for c in 0..KERNEL {
+                        sum[c] = s.fma(u, v[c], sum[c]);
                     }
                 }
             }
         }
-        let bias = work.outputs * work.inputs * TAPS;
-        for o in 0..work.outputs {
-            let mut sum = S::zero();
-            let upstream = work.upstream.data.as_ptr().add(o * plane + g.row(0));
-            for y in 0..g.height {
-                for x in (0..g.width).step_by(S::LANES) {
-                    sum = S::add(sum, S::load(upstream.add(y * g.stride + x)));
-                }
+    }
+    sums
+}
+
+#[inline(always)]
+fn bias_gradient<S: Simd>(s: S, work: &mut WeightGradient) {
+    let g = work.input.geometry;
+    let bias = work.outputs * work.inputs * TAPS;
+    for o in 0..work.outputs {
+        let upstream = &work.upstream.data[o * g.plane() + g.row(0)..];
+        let mut sum = s.zero();
+        for y in 0..g.height {
+            for x in (0..g.width).step_by(S::LANES) {
+                sum = s.add(sum, s.load(&upstream[y * g.stride + x..]));
             }
-            work.gradient[bias + o] += S::sum(sum);
         }
+        work.gradient[bias + o] += s.sum(sum);
     }
 }

@@ -12,7 +12,7 @@ mod rows;
 mod trunk;
 mod window;
 
-pub use trunk::{Activations, GradientPlanes, PackedNetwork, TilePlanes, backward, forward, sum_in_order};
+pub use trunk::{GradientPlanes, PackedNetwork, TilePlanes, sum_in_order};
 pub use window::WindowNetwork;
 
 use crate::features::FEATURE_CHANNELS;
@@ -80,7 +80,9 @@ impl Shape {
 /// `[output][input][3][3]` and then the bias `[output]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
+    /// Channels and layers.
     pub shape: Shape,
+    /// [`Shape::parameter_count`] weights and biases.
     pub weights: Vec<f32>,
 }
 

@@ -1,5 +1,6 @@
 //! Planes with a border of zeros, so that a 3x3 convolution needs no special case at the edge.
 
+use crate::aligned::Aligned;
 use crate::simd::MAX_LANES;
 
 /// Zeros to the left of every row; the vector loads at x - 1 land here.
@@ -31,16 +32,16 @@ impl Geometry {
 }
 
 /// `channels` padded planes. What lies outside the picture is zero at all times.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Planes {
     pub geometry: Geometry,
     pub channels: usize,
-    pub data: Vec<f32>,
+    pub data: Aligned,
 }
 
 impl Planes {
     pub fn zeros(geometry: Geometry, channels: usize) -> Self {
-        Self { geometry, channels, data: vec![0.0; channels * geometry.plane()] }
+        Self { geometry, channels, data: Aligned::zeros(channels * geometry.plane()) }
     }
 
     /// Copies planar samples into the first planes.

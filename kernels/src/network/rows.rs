@@ -5,10 +5,12 @@
 //! cache however large the window is, and rows that the wanted part does not depend on are never
 //! computed.
 
-use super::conv::{Packed, TAPS};
+use super::conv::{InputRows, Packed, at_least, store_block, sums_of_block};
 use super::{KERNEL, MAX_CHANNELS};
+use crate::aligned::Aligned;
 use crate::region::Region;
 use crate::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
+use std::ops::Range;
 
 /// Zeros to the left of every row; the vector loads at x - 1 land here.
 const LEFT: usize = MAX_LANES;
@@ -17,14 +19,14 @@ const RIGHT: usize = 4 * MAX_LANES;
 
 /// The last three rows of one layer's output, all channels of a row together, and a row of zeros.
 struct Ring {
-    data: Vec<f32>,
+    data: Aligned,
     stride: usize,
 }
 
 impl Ring {
     fn new(width: usize) -> Self {
         let stride = LEFT + width.next_multiple_of(MAX_LANES) + RIGHT;
-        Self { data: vec![0.0; (KERNEL + 1) * MAX_CHANNELS * stride], stride }
+        Self { data: Aligned::zeros((KERNEL + 1) * MAX_CHANNELS * stride), stride }
     }
 
     /// Where row `y` of a window of `height` rows lies; outside of it, the zeros.
@@ -72,14 +74,14 @@ pub(super) fn run(
             if !rows.contains(&y) {
                 continue;
             }
-            let from = inner.left.saturating_sub(reach);
-            let to = (inner.left + inner.width + reach).min(width);
+            let columns = inner.left.saturating_sub(reach)..(inner.left + inner.width + reach).min(width);
             let (before, after) = rings.split_at_mut(l + 1);
+            let (input, output) = (&before[l], &mut after[0]);
             let rectify = reach > 0;
-            convolve_row(isa, &before[l], y, height, packed, rectify, from..to, width, &mut after[0]);
+            ConvolveRow { packed, rectify, input, y, height, width, columns: columns.clone(), output }.run(isa);
             if !rectify {
                 for c in 0..outputs {
-                    let row = &after[0].row_mut(y, c)[from..to];
+                    let row = &after[0].row_mut(y, c)[columns.clone()];
                     out[(c * inner.height + y - inner.top) * inner.width..][..inner.width].copy_from_slice(row);
                 }
             }
@@ -87,128 +89,75 @@ pub(super) fn run(
     }
 }
 
-/// One row of one layer, the pixels `columns` (and some to their right that nobody reads).
-#[allow(clippy::too_many_arguments)] // the kernel's operands, named once
-fn convolve_row(
-    isa: Isa,
-    input: &Ring,
+/// One row of one layer.
+struct ConvolveRow<'a> {
+    packed: &'a Packed,
+    /// max(0, ·) of the sums.
+    rectify: bool,
+    input: &'a Ring,
     y: usize,
     height: usize,
-    packed: &Packed,
-    rectify: bool,
-    columns: std::ops::Range<usize>,
     width: usize,
-    output: &mut Ring,
-) {
-    assert!(columns.end <= width && width + LEFT + RIGHT <= input.stride && input.stride == output.stride);
-    let y0 = y as isize;
-    let rows = [y0 - 1, y0, y0 + 1].map(|row| input.slot(row, height) + LEFT);
-    let to = output.slot(y0, height) + LEFT;
-    let (from, end) = (columns.start, columns.end);
-    dispatch(
-        isa,
-        ConvolveRow {
-            input: &input.data,
-            rows,
-            packed,
-            rectify,
-            from,
-            end,
-            stride: input.stride,
-            to,
-            output: &mut output.data,
-        },
-    );
-    // Whole vectors were stored; the pixel right of the window must stay zero for the next layer.
-    for c in 0..MAX_CHANNELS {
-        output.row_mut(y, c)[width] = 0.0;
-    }
+    /// The pixels wanted (some to their right are computed too).
+    columns: Range<usize>,
+    output: &'a mut Ring,
 }
 
-struct ConvolveRow<'a> {
-    input: &'a [f32],
-    /// Where pixel 0 of channel 0 of the three rows lies.
-    rows: [usize; KERNEL],
-    packed: &'a Packed,
-    rectify: bool,
-    from: usize,
-    end: usize,
-    stride: usize,
-    /// Where pixel 0 of channel 0 of the output row lies.
-    to: usize,
-    output: &'a mut [f32],
-}
-
-impl Kernel for ConvolveRow<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
-        // SAFETY: `convolve_row` checked that the columns lie in the window and that both rings have
-        // rows of one stride with LEFT floats before pixel 0 and RIGHT after the last: the loads
-        // from x - 1 on and the stores of up to three vectors stay inside the row.
-        unsafe {
-            if S::CONV_OUTPUTS == 8 {
-                columns::<S, 8, 3>(self);
-            } else {
-                columns::<S, 4, 2>(self);
-            }
+impl ConvolveRow<'_> {
+    fn run(self, isa: Isa) {
+        let Self { y, width, .. } = self;
+        assert!(self.columns.end <= width, "columns of the window");
+        let output = dispatch(isa, self);
+        // Whole vectors were stored; the pixel right of the window must stay zero for the next layer.
+        for c in 0..MAX_CHANNELS {
+            output.row_mut(y, c)[width] = 0.0;
         }
     }
 }
 
+impl<'a> Kernel for ConvolveRow<'a> {
+    type Output = &'a mut Ring;
+
+    #[inline(always)]
+    fn run<S: Simd>(mut self, s: S) -> &'a mut Ring {
+        if S::CONV_OUTPUTS == 8 {
+            convolve_columns::<S, 8, 3>(s, &mut self);
+        } else {
+            convolve_columns::<S, 4, 2>(s, &mut self);
+        }
+        self.output
+    }
+}
+
 #[inline(always)]
-unsafe fn columns<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(mut work: ConvolveRow) {
-    unsafe {
-        let mut x = work.from;
-        while x < work.end {
-            let vectors = (work.end - x).div_ceil(S::LANES);
-            if vectors >= VECTORS {
-                pixels::<S, OUTPUTS, VECTORS>(&mut work, x);
-                x += VECTORS * S::LANES;
-            } else if vectors == 2 {
-                pixels::<S, OUTPUTS, 2>(&mut work, x);
-                x += 2 * S::LANES;
-            } else {
-                pixels::<S, OUTPUTS, 1>(&mut work, x);
-                x += S::LANES;
-            }
+fn convolve_columns<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: &mut ConvolveRow) {
+    let mut x = work.columns.start;
+    while x < work.columns.end {
+        let vectors = (work.columns.end - x).div_ceil(S::LANES);
+        if vectors >= VECTORS {
+            convolve_at::<S, OUTPUTS, VECTORS>(s, work, x);
+            x += VECTORS * S::LANES;
+        } else if vectors == 2 {
+            convolve_at::<S, OUTPUTS, 2>(s, work, x);
+            x += 2 * S::LANES;
+        } else {
+            convolve_at::<S, OUTPUTS, 1>(s, work, x);
+            x += S::LANES;
         }
     }
 }
 
 /// `VECTORS` row vectors from pixel `x` on, all output channels.
 #[inline(always)]
-unsafe fn pixels<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(work: &mut ConvolveRow, x: usize) {
-    unsafe {
-        let floor = if work.rectify { S::zero() } else { S::splat(f32::NEG_INFINITY) };
-        for block in 0..MAX_CHANNELS / OUTPUTS {
-            let first = block * OUTPUTS;
-            let bias = work.packed.bias();
-            let mut sums: [[S::F; VECTORS]; OUTPUTS] = std::array::from_fn(|o| [S::splat(bias[first + o]); VECTORS]);
-            let inputs = work.packed.inputs();
-            let mut w = work.packed.weights().as_ptr().add(block * inputs * TAPS * OUTPUTS);
-            for i in 0..inputs {
-                for row in work.rows {
-                    let p = work.input.as_ptr().add(row + i * work.stride + x - 1);
-                    for column in 0..KERNEL {
-                        let v: [S::F; VECTORS] = std::array::from_fn(|k| S::load(p.add(column + k * S::LANES)));
-                        for (o, sum) in sums.iter_mut().enumerate() {
-                            let weight = S::splat(*w.add(o));
-                            for k in 0..VECTORS {
-                                sum[k] = S::fma(weight, v[k], sum[k]);
-                            }
-                        }
-                        w = w.add(OUTPUTS);
-                    }
-                }
-            }
-            let to = work.output.as_mut_ptr().add(work.to + first * work.stride + x);
-            for (o, sum) in sums.iter().enumerate() {
-                for (k, v) in sum.iter().enumerate() {
-                    S::store(to.add(o * work.stride + k * S::LANES), S::max(*v, floor));
-                }
-            }
-        }
+fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: &mut ConvolveRow, x: usize) {
+    let ConvolveRow { packed, rectify, input, y, height, output, .. } = work;
+    let floor = if *rectify { s.zero() } else { s.splat(f32::NEG_INFINITY) };
+    let y = *y as isize;
+    let starts = [y - 1, y, y + 1].map(|row| input.slot(row, *height) + LEFT + x - 1);
+    let rows = InputRows { data: &input.data, starts, pitch: input.stride };
+    for block in 0..MAX_CHANNELS / OUTPUTS {
+        let sums = sums_of_block::<S, OUTPUTS, VECTORS>(s, packed, block, &rows);
+        let to = output.slot(y, *height) + block * OUTPUTS * output.stride + LEFT + x;
+        store_block(s, &mut output.data[to..], output.stride, at_least(s, floor, sums));
     }
 }

@@ -39,10 +39,12 @@ impl WindowNetwork {
         Self { isa, form, shape, layers }
     }
 
+    /// Channels and layers.
     pub fn shape(&self) -> Shape {
         self.shape
     }
 
+    /// Which parameters it gives.
     pub fn form(&self) -> Form {
         self.form
     }

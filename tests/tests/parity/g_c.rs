@@ -4,11 +4,11 @@ use super::case::{Array, Case};
 use super::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{ParameterPlanes, Taps, Upstream, backward, forward};
+use sspc_kernels::gc::{Correction, Given, ParameterPlanes, Taps};
 use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::{Form, activate, activate_backward};
 use sspc_kernels::region::Region;
-use sspc_kernels::simd::{Isa, MAX_LANES, Simd};
+use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
 use sspc_train::combination::Combination;
 
@@ -73,7 +73,7 @@ impl Setup {
     fn correct(&self, isa: Isa, form: Form, parameters: &[f32]) -> Vec<f32> {
         let view = ParameterPlanes::of_region(form, parameters, &self.region);
         let mut out = vec![0.0; 3 * self.region.pixels()];
-        forward(isa, &self.windows, &self.taps, self.region, view, &mut out);
+        self.with(view).forward(isa, &mut out);
         out
     }
 
@@ -81,30 +81,13 @@ impl Setup {
         let view = ParameterPlanes::of_region(self.form, parameters, &self.region);
         let mut out = vec![0.0; 3 * self.region.pixels()];
         let mut gradient = vec![0.0; parameters.len()];
-        let mut given = Given { upstream: &self.upstream, width: self.region.width, pixels: self.region.pixels() };
-        backward(isa, &self.windows, &self.taps, self.region, view, &mut given, &mut out, &mut gradient);
+        let mut given = Given::new(&self.upstream, self.region);
+        self.with(view).backward(isa, &mut given, &mut out, &mut gradient);
         gradient
     }
-}
 
-/// An upstream gradient `[3, H, W]` that is known beforehand.
-pub struct Given<'a> {
-    pub upstream: &'a [f32],
-    pub width: usize,
-    pub pixels: usize,
-}
-
-impl Upstream for Given<'_> {
-    const NEEDED: bool = true;
-
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
-        std::array::from_fn(|channel| {
-            let at = channel * self.pixels + y * self.width + x;
-            let mut padded = [0.0; MAX_LANES];
-            padded[..lanes].copy_from_slice(&self.upstream[at..at + lanes]);
-            // SAFETY: MAX_LANES values are there; the kernel calls this on a machine that has S.
-            unsafe { S::load(padded.as_ptr()) }
-        })
+    fn with<'a>(&'a self, parameters: ParameterPlanes<'a>) -> Correction<'a> {
+        Correction { windows: &self.windows, taps: &self.taps, region: self.region, parameters }
     }
 }
 

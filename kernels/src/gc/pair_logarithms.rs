@@ -1,9 +1,10 @@
 //! What a pixel and its tap have in common: log2(1 + ‖y_c-y_i‖²) and log2(1 + ‖z_c-z_i‖²), most of
 //! the arithmetic of a weight. They are computed once for both pixels of a pair.
 
-use super::strip::{Line, PITCH, STRIP, lines};
+use super::strip::{Row, STRIP, at_column};
 use super::taps::{Pair, RowPairs};
 use super::vector::{difference, load3, squared};
+use crate::aligned::Aligned;
 use crate::features::{DENOISED, MAX_RADIUS, RADIANCE};
 use crate::simd::{MAX_LANES, Simd};
 
@@ -44,47 +45,44 @@ impl RowTaps {
 
 /// Logarithms of the pairs of two rows. A pair's stand from the first one on that a pixel of the
 /// strip needs: for dx > 0 that is the lower row's first pixel, compared with one left of the strip.
-pub(super) struct Logarithms(Vec<Line>);
+pub(super) struct Logarithms(Aligned);
 
 impl Logarithms {
     pub(super) fn new(radius: usize) -> Self {
-        Self(lines((2 * radius + 1) * 2 * LENGTH))
+        Self(Aligned::zeros((2 * radius + 1) * 2 * LENGTH))
     }
 
-    pub(super) fn at(&self, x: usize) -> *const f32 {
-        self.0.as_ptr().cast::<f32>().wrapping_add(x)
+    /// Those of the pixels from column `x` on: [`Tap::logs`] counts from here.
+    pub(super) fn at_column(&self, x: usize) -> &[f32] {
+        &self.0[x..]
     }
 
     /// Fills in what the pixels of the `upper` and `lower` row need that are `wanted`.
-    ///
-    /// # Safety
-    /// The machine must have `S`; the rows must hold `width` columns and what their windows reach.
     #[inline(always)]
-    pub(super) unsafe fn compute<S: Simd>(
+    pub(super) fn compute<S: Simd>(
         &mut self,
+        s: S,
         taps: &RowTaps,
-        [upper, lower]: [*const f32; 2],
+        [upper, lower]: [&Row; 2],
         wanted: [bool; 2],
         width: usize,
     ) {
-        unsafe {
-            for (i, pair) in taps.pairs.iter().enumerate() {
-                let (right, left) = (pair.dx.max(0) as usize, (-pair.dx).max(0) as usize);
-                let (down, up) = (pair.down && wanted[0], pair.up && wanted[1]);
-                let range = match (down, up) {
-                    (true, true) => 0..width + right + left,
-                    (true, false) => right..right + width,
-                    (false, true) => left..left + width,
-                    (false, false) => continue,
-                };
-                let logs = self.0.as_mut_ptr().cast::<f32>().add(i * 2 * LENGTH);
-                let upper = upper.offset(-(right as isize));
-                let lower = lower.offset(pair.dx - right as isize);
-                for x in range.step_by(S::LANES) {
-                    let (upper, lower) = (upper.add(x), lower.add(x));
-                    S::store(logs.add(x), logarithm::<S>(upper, lower, RADIANCE));
-                    S::store(logs.add(TO_DENOISED + x), logarithm::<S>(upper, lower, DENOISED));
-                }
+        for (pair, logs) in taps.pairs.iter().zip(self.0.chunks_exact_mut(2 * LENGTH)) {
+            let (right, left) = (pair.dx.max(0), (-pair.dx).max(0));
+            let (down, up) = (pair.down && wanted[0], pair.up && wanted[1]);
+            let width = width as isize;
+            let range = match (down, up) {
+                (true, true) => 0..width + right + left,
+                (true, false) => right..right + width,
+                (false, true) => left..left + width,
+                (false, false) => continue,
+            };
+            let (of_radiance, of_denoised) = logs.split_at_mut(TO_DENOISED);
+            for x in range.step_by(S::LANES) {
+                let upper = at_column::<S>(upper, x - right);
+                let lower = at_column::<S>(lower, x - right + pair.dx);
+                s.store(&mut of_radiance[x as usize..], logarithm(s, upper, lower, RADIANCE));
+                s.store(&mut of_denoised[x as usize..], logarithm(s, upper, lower, DENOISED));
             }
         }
     }
@@ -92,9 +90,6 @@ impl Logarithms {
 
 /// log2(1 + ‖a-b‖²) of the three planes from `channel` on.
 #[inline(always)]
-unsafe fn logarithm<S: Simd>(a: *const f32, b: *const f32, channel: usize) -> S::F {
-    unsafe {
-        let (a, b) = (load3::<S>(a.add(channel * PITCH)), load3::<S>(b.add(channel * PITCH)));
-        S::log2_1p(squared::<S>(&difference::<S>(&a, &b)))
-    }
+fn logarithm<S: Simd>(s: S, a: &[f32], b: &[f32], channel: usize) -> S::F {
+    s.log2_1p(squared(s, &difference(s, &load3(s, a, channel), &load3(s, b, channel))))
 }
