@@ -1,6 +1,6 @@
 //! How a command ends: one line of what went wrong, one of advice, and an exit code.
 
-use crate::output::print_line;
+use crate::print::print_line;
 use sspc_frames::error::{Error, ErrorKind};
 use sspc_kernels::simd::UnknownIsa;
 use std::process::ExitCode;

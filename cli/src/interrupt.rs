@@ -14,7 +14,7 @@ pub fn listen() {
         }
     });
     if let Err(error) = heard {
-        crate::output::print_line(&format!("warning: Ctrl-C will end the run without cleaning up: {error}"));
+        crate::print::print_line(&format!("warning: Ctrl-C will end the run without cleaning up: {error}"));
     }
 }
 

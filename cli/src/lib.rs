@@ -15,6 +15,7 @@ pub mod failure;
 pub mod frame_args;
 pub mod interrupt;
 pub mod output;
+mod print;
 pub mod reading;
 pub mod record;
 pub mod run_args;

@@ -1,15 +1,11 @@
 //! What a person sees: lines, and a bar on a terminal.
 
+use crate::failure::Failure;
+use crate::print::print_line;
 use crate::run_args::Verbosity;
 use indicatif::{ProgressBar, ProgressStyle};
 use sspc_image::RoleSource;
 use std::io::{IsTerminal, Write, stderr, stdout};
-
-/// A line on standard error. Where nobody reads it any more (a closed pipe, a full disk), the work goes on:
-/// `eprintln!` would end it with a panic.
-pub fn print_line(line: &str) {
-    let _ = stderr().write_all(format!("{line}\n").as_bytes());
-}
 
 /// Lines and bar of a command; both go to standard error.
 pub struct Output {
@@ -71,7 +67,7 @@ pub fn role_line(source: &RoleSource) -> String {
 ///
 /// # Errors
 /// When it is closed or full.
-pub fn print_result(text: &str) -> Result<(), crate::Failure> {
+pub fn print_result(text: &str) -> Result<(), Failure> {
     let mut out = stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| crate::Failure::from_stdout(&error))
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| Failure::from_stdout(&error))
 }

@@ -5,6 +5,7 @@
 //! of the full buffer: the picture starts from the better z.
 
 use crate::blend_weight::{Evidence, JUDGE_RADIUS};
+use crate::composition::Composition;
 use crate::corrector::correct;
 use crate::estimate;
 use crate::frame_sums::FrameSums;
@@ -26,23 +27,6 @@ const ROWS_AT_ONCE: usize = 128;
 const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(estimate::BLOCK) && ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
 /// Memory for the parameters of the rows that are corrected at a time, both halves.
 const PARAMETER_BYTES: usize = 32 << 20;
-
-/// What the picture is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Composition {
-    /// ½ (μ̂^a + μ̂^b), as it is (the paper).
-    MeanOfHalves,
-    /// The correction of the full buffer's z, as far as the halves' judgement of each other goes.
-    JudgedFullBuffer,
-}
-
-impl Composition {
-    /// Whether blocks without noise are left as the denoiser made them: not by the paper.
-    pub fn skips_still_blocks(self) -> bool {
-        self == Composition::JudgedFullBuffer
-    }
-}
 
 /// A band of rows, corrected and weighed.
 #[derive(Clone, Debug)]

@@ -5,7 +5,8 @@
 //! once. So bands do not show. Programs differ in who gives the parameters ([`ParameterSource`]) and in where a band's
 //! rows come from ([`BandSource`]).
 
-use crate::compose::{Composer, Composition};
+use crate::compose::Composer;
+use crate::composition::Composition;
 use crate::estimate::BLOCK;
 use crate::fill;
 use crate::frame_stats::FrameStats;

@@ -1,6 +1,6 @@
 //! What a whole picture is judged by: sums over its blocks, band after band.
 
-use crate::compose::Composition;
+use crate::composition::Composition;
 use crate::estimate::{Blocks, Errors, Estimate, Losses};
 
 /// Sums over the blocks of a picture, or of its first bands from top to bottom.

@@ -12,6 +12,7 @@
 //! | [`tiles`] | features to parameters, tile by tile |
 //! | [`corrector`] | parameters to g_c over a picture |
 //! | `blend_weight` | how much of a correction is kept, pixel by pixel |
+//! | [`composition`] | what a picture is made of |
 //! | [`compose`] | corrected halves to the finished rows |
 //! | [`frame_sums`] | what the whole picture is judged by |
 //! | [`estimate`] | the error, told without a reference |
@@ -23,6 +24,7 @@ pub mod bands;
 mod blend_weight;
 pub mod box_mean;
 pub mod compose;
+pub mod composition;
 pub mod correct;
 pub mod corrector;
 pub mod estimate;

@@ -3,7 +3,7 @@
 use clap::Args;
 use sspc_cli::output::print_result;
 use sspc_cli::{Code, Failure};
-use sspc_core::compose::Composition;
+use sspc_core::composition::Composition;
 use sspc_core::frame_stats::Exposure;
 use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_kernels::parameters::Form;

@@ -1,6 +1,6 @@
 //! What every model file states: form, sizes, conventions and origin.
 
-use sspc_core::compose::Composition;
+use sspc_core::composition::Composition;
 use sspc_core::prepare::Exposure;
 use sspc_kernels::features::{FeatureSet, MAX_RADIUS};
 use sspc_kernels::gc::PAPER_RADIUS;

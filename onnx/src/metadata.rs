@@ -3,7 +3,7 @@
 use crate::contract::*;
 use crate::error::Error;
 use crate::messages::StringStringEntryProto;
-use sspc_core::compose::Composition;
+use sspc_core::composition::Composition;
 use sspc_core::prepare::Exposure;
 use sspc_image::shown;
 use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};

@@ -35,7 +35,7 @@ impl Limits {
 
 /// One step, as told to the observer.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct Step {
+pub struct StepRecord {
     /// From 1.
     pub step: usize,
     pub of: usize,
@@ -65,7 +65,7 @@ pub enum End {
 #[derive(Clone, Debug)]
 pub struct Fitted {
     pub network: Network,
-    pub history: Vec<Step>,
+    pub history: Vec<StepRecord>,
     /// Steps that were planned.
     pub planned: usize,
     /// Steps whose loss, gradient or weights were not finite: their update was left out.
@@ -135,7 +135,7 @@ pub fn fit(
     limits: &Limits,
     backend: Backend,
     isa: Isa,
-    mut observe: impl FnMut(&Step) -> Control,
+    mut observe: impl FnMut(&StepRecord) -> Control,
 ) -> Fitted {
     let start = Instant::now();
     let objectives: Vec<_> = prepared.iter().map(|p| objective(p, settings)).collect();
@@ -178,7 +178,7 @@ pub fn fit(
             model = guard.drop_step();
         }
         let seconds = start.elapsed().as_secs_f64();
-        history.push(Step { step: step + 1, of: steps, loss, rate, seconds });
+        history.push(StepRecord { step: step + 1, of: steps, loss, rate, seconds });
         if observe(&history[step]) == Control::Stop {
             end = End::Interrupted;
             break;

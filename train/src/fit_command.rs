@@ -7,7 +7,7 @@ use crate::outcome::{Outcome, correct_frame};
 use crate::output_folder::OutputFolder;
 use crate::preset::Settings;
 use crate::progress::{BAR, Progress};
-use crate::report::{RelL2, Report, Seconds};
+use crate::report::{FitSeconds, RelL2, Report};
 use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
@@ -23,6 +23,7 @@ use std::time::{Duration, Instant};
 /// A [`Failure`] with its exit code; nothing is left behind then.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let start = Instant::now();
+    let isa = Isa::from_env()?;
     args.run.start_threads()?;
     let output = Output::new(args.run.verbosity(), Some(BAR));
     let mut settings = Settings::of(args.preset, args.seed);
@@ -44,7 +45,6 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     check_outputs(&folder, args, &overrides, &inputs)?;
 
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
-    let isa = Isa::from_env()?;
     let frames: Vec<&Prepared> = prepared.iter().collect();
     let mut progress = Progress::new(&output);
     let fitted = fit(&frames, &settings, initial, &limits, args.backend, isa, |step| {
@@ -60,11 +60,11 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         .zip(prepared)
         .map(|(input, prepared)| correct_frame(isa, args.run.strength, &settings, &fitted.network, input, prepared))
         .collect::<Result<Vec<Outcome>, _>>()?;
-    let seconds = Seconds {
+    let seconds = FitSeconds {
         read: read_seconds,
         train: fitted.seconds,
         correct: begin.elapsed().as_secs_f64(),
-        ..Seconds::default()
+        ..FitSeconds::default()
     };
     let reports = inputs
         .iter()
@@ -85,7 +85,7 @@ fn report(
     input: &Input,
     fitted: &Fitted,
     outcome: &Outcome,
-    seconds: Seconds,
+    seconds: FitSeconds,
 ) -> Report {
     Report {
         version: env!("CARGO_PKG_VERSION").into(),

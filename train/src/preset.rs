@@ -1,7 +1,7 @@
 //! Presets: how a corrector is started and trained.
 
 use crate::combination::Combination;
-use sspc_core::compose::Composition;
+use sspc_core::composition::Composition;
 use sspc_core::frame_stats::Exposure;
 use sspc_kernels::features::FeatureSet;
 use sspc_kernels::gc::PAPER_RADIUS;

@@ -1,6 +1,6 @@
 //! Progress of training: a bar on a terminal, plain lines in a log.
 
-use crate::fit::Step;
+use crate::fit::StepRecord;
 use sspc_cli::output::Output;
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ impl<'a> Progress<'a> {
     }
 
     /// A step was taken.
-    pub fn step(&mut self, step: &Step) {
+    pub fn step(&mut self, step: &StepRecord) {
         if let Some(bar) = self.output.bar() {
             bar.set_length(step.of as u64);
             bar.set_position(step.step as u64);

@@ -1,10 +1,10 @@
 //! report.json: every figure and setting of a fit.
 
-use crate::fit::{End, Step};
+use crate::fit::{End, StepRecord};
 use crate::preset::{Preset, Settings};
 use serde::Serialize;
 use sspc_cli::record::FilledRole;
-use sspc_core::compose::Composition;
+use sspc_core::composition::Composition;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::frame_stats::Findings;
 use sspc_core::prepare::Prepared;
@@ -88,7 +88,7 @@ impl RelL2 {
 
 /// Wall-clock seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Seconds {
+pub struct FitSeconds {
     pub read: f64,
     pub train: f64,
     pub correct: f64,
@@ -153,7 +153,7 @@ pub struct Report {
     pub fallback: Option<String>,
     /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.
     pub mean_share: f64,
-    pub seconds: Seconds,
+    pub seconds: FitSeconds,
     pub milliseconds_per_step: f64,
     pub peak_rss_bytes: Option<u64>,
     pub found: Findings,
@@ -164,5 +164,5 @@ pub struct Report {
     pub settings: Settings,
     /// Steps that were planned for this frame size, skips and visits considered.
     pub planned_steps: usize,
-    pub history: Vec<Step>,
+    pub history: Vec<StepRecord>,
 }

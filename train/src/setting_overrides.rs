@@ -2,7 +2,7 @@
 
 use crate::combination::Combination;
 use crate::preset::{Influence, LARGEST_RATE, Rate, Sampling, Settings, Skip, Start};
-use sspc_core::compose::Composition;
+use sspc_core::composition::Composition;
 use sspc_kernels::features::MAX_RADIUS;
 use sspc_kernels::network::MAX_CHANNELS;
 use sspc_kernels::parameters::Form;

@@ -1,8 +1,10 @@
-//! The whole network as one tract operator that runs core's kernels.
+//! The whole network as one operator of tract that runs our kernels.
 //!
-//! tract's own convolution takes about twice the time of onnxruntime's for layers this narrow. The
-//! file is still read, typed and checked by tract; between its input and its output the operators
-//! are replaced by one.
+//! **What tract still does here.** It reads the graph that the contract writes, types it for one window size, checks
+//! that its input and output are what the contract says, and schedules one operator: ours, put in the place of
+//! everything between them. The convolutions and activations of the file are not computed by tract: its own
+//! convolution takes about twice the time of onnxruntime's for layers this narrow. `--kernels tract` runs the file's
+//! operators as they stand, which is what the tests compare this one with.
 
 use sspc_kernels::network::WindowNetwork;
 use sspc_kernels::region::Region;

@@ -10,7 +10,7 @@ mod plan;
 
 pub use plan::{Kernels, PlanError};
 
-use plan::Plan;
+use plan::WindowPlan;
 use sspc_core::tiles::ParameterSource;
 use sspc_image::Image;
 use sspc_kernels::network::Shape;
@@ -26,7 +26,7 @@ pub struct Engine {
     kernels: Kernels,
     tile: usize,
     /// Plans by window size (height, width); a picture needs one.
-    plans: Mutex<HashMap<(usize, usize), Arc<Plan>>>,
+    plans: Mutex<HashMap<(usize, usize), Arc<WindowPlan>>>,
     first_tile: OnceLock<Instant>,
 }
 
@@ -45,12 +45,12 @@ impl Engine {
         self.first_tile.get().copied()
     }
 
-    fn plan(&self, height: usize, width: usize) -> Result<Arc<Plan>, PlanError> {
+    fn plan(&self, height: usize, width: usize) -> Result<Arc<WindowPlan>, PlanError> {
         let mut plans = lock(&self.plans);
         if let Some(plan) = plans.get(&(height, width)) {
             return Ok(Arc::clone(plan));
         }
-        let plan = Arc::new(Plan::new(&self.model, self.kernels, height, width)?);
+        let plan = Arc::new(WindowPlan::new(&self.model, self.kernels, height, width)?);
         plans.insert((height, width), Arc::clone(&plan));
         Ok(plan)
     }

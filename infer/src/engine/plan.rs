@@ -30,12 +30,12 @@ pub enum PlanError {
 }
 
 /// The runnable network.
-pub(super) struct Plan {
+pub(super) struct WindowPlan {
     plan: Arc<TypedRunnableModel>,
     kernels: Kernels,
 }
 
-impl Plan {
+impl WindowPlan {
     /// Prepares windows `[13, height, width]`. The graph is written anew from the checked model, so
     /// tract never reads the bytes of a stranger's file.
     pub fn new(model: &Model, kernels: Kernels, height: usize, width: usize) -> Result<Self, PlanError> {

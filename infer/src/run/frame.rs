@@ -1,8 +1,8 @@
 //! One frame from file to file.
 
-use super::arguments::{Job, RunArguments};
-use super::report::{Report, Seconds};
-use crate::engine::Engine;
+use super::arguments::Job;
+use super::report::{FrameSeconds, Report};
+use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::reading::ReadFrame;
 use sspc_cli::{Code, Failure, interrupt, record};
@@ -10,25 +10,10 @@ use sspc_core::bands::FrameBands;
 use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::resolve::resolve;
-use sspc_frames::{OpenFrame, RoleOverrides, write_corrected};
+use sspc_frames::{OpenFrame, write_corrected};
 use sspc_image::{FrameRows, Role};
-use sspc_kernels::simd::Isa;
 use std::path::PathBuf;
 use std::time::Instant;
-
-/// What all frames of a run share.
-pub struct Shared<'a> {
-    /// As given.
-    pub arguments: &'a RunArguments,
-    /// Roles that the user named.
-    pub overrides: &'a RoleOverrides,
-    /// The model, ready to run.
-    pub engine: &'a Engine,
-    /// Instruction set of our kernels.
-    pub isa: Isa,
-    /// Where lines go.
-    pub output: &'a Output,
-}
 
 /// Reads, corrects and writes one frame, or leaves it alone when its output is there and `--skip-existing` was given.
 ///
@@ -72,7 +57,7 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
     let begin = Instant::now();
     let provenance = provenance(shared, &corrected);
     write_corrected(&job.output, &job.frame.files.a, &inputs, &corrected.picture, &provenance)?;
-    let seconds = Seconds {
+    let seconds = FrameSeconds {
         read,
         features: corrected.seconds.features,
         correct: corrected.seconds.correct,

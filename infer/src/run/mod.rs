@@ -4,15 +4,17 @@
 //! |---|---|
 //! | [`arguments`] | what can be asked, and where each picture goes |
 //! | [`frame`] | one frame from file to file |
+//! | [`shared`] | what all frames share |
 //! | [`report`] | what the sidecar says |
 
 pub mod arguments;
 pub mod frame;
 pub mod report;
+pub mod shared;
 
 use crate::engine::Engine;
 use arguments::{Job, RunArguments};
-use frame::Shared;
+use shared::Shared;
 use sspc_cli::output::Output;
 use sspc_cli::{Code, Failure, interrupt};
 use sspc_kernels::simd::Isa;

@@ -1,11 +1,11 @@
 //! The sidecar: every figure and setting of one frame.
 
 use super::arguments::Job;
-use super::frame::Shared;
+use super::shared::Shared;
 use crate::clock;
 use serde::Serialize;
 use sspc_cli::record::{FilledRole, peak_rss_bytes, shown_path};
-use sspc_core::compose::Composition;
+use sspc_core::composition::Composition;
 use sspc_core::correct::Corrected;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::frame_stats::{Findings, FrameStats};
@@ -15,7 +15,7 @@ use sspc_kernels::parameters::Form;
 
 /// Wall-clock seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Seconds {
+pub struct FrameSeconds {
     /// Files to pixels, and looking them over: exposure, features in use, usable halves.
     pub read: f64,
     /// Pixels to feature tensors.
@@ -77,8 +77,8 @@ pub struct Report {
     pub instruction_set: &'static str,
     pub threads: usize,
     pub tile: usize,
-    pub seconds: Seconds,
-    /// Seconds from the start of the program to the first tile's parameters, of the run's first frame.
+    pub seconds: FrameSeconds,
+    /// FrameSeconds from the start of the program to the first tile's parameters, of the run's first frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_tile_after: Option<f64>,
     pub peak_rss_bytes: Option<u64>,
@@ -95,7 +95,7 @@ impl Report {
         roles: &[RoleSource],
         warnings: Vec<String>,
         corrected: &Corrected,
-        seconds: Seconds,
+        seconds: FrameSeconds,
     ) -> Self {
         let contract = &shared.engine.model().contract;
         let first_tile = shared.engine.first_tile().and_then(clock::since_start);

@@ -1,0 +1,21 @@
+//! What all frames of a run share.
+
+use super::arguments::RunArguments;
+use crate::engine::Engine;
+use sspc_cli::output::Output;
+use sspc_frames::RoleOverrides;
+use sspc_kernels::simd::Isa;
+
+/// What all frames of a run share.
+pub struct Shared<'a> {
+    /// As given.
+    pub arguments: &'a RunArguments,
+    /// Roles that the user named.
+    pub overrides: &'a RoleOverrides,
+    /// The model, ready to run.
+    pub engine: &'a Engine,
+    /// Instruction set of our kernels.
+    pub isa: Isa,
+    /// Where lines go.
+    pub output: &'a Output,
+}
