@@ -4,22 +4,13 @@
 use fastrand::Rng;
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{self, ParameterPlanes, Taps, Upstream};
+use sspc_kernels::gc::{self, Given, ParameterPlanes, Taps};
 use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes};
 use sspc_kernels::parameters::{self, Form};
 use sspc_kernels::region::Region;
-use sspc_kernels::simd::{Isa, Simd};
+use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
 use std::time::Instant;
-
-struct Ones;
-impl Upstream for Ones {
-    const NEEDED: bool = true;
-    #[inline(always)]
-    unsafe fn gradient<S: Simd>(&mut self, _: usize, _: usize, _: usize, _: [S::F; 3]) -> [S::F; 3] {
-        unsafe { [S::splat(1.0); 3] }
-    }
-}
 
 /// Seconds of the fastest of many runs: what the kernel can do while nobody else has the core.
 fn seconds(mut f: impl FnMut()) -> f64 {
@@ -64,8 +55,10 @@ fn main() {
             let mut corrected = vec![0.0; 3 * region.pixels()];
             let mut gradient = vec![0.0; p.len()];
             let gc_forward = seconds(|| gc::forward(isa, &windows, &taps, region, view, &mut corrected));
+            let ones = vec![1.0; 3 * region.pixels()];
             let gc_both = seconds(|| {
-                gc::backward(isa, &windows, &taps, region, view, &mut Ones, &mut corrected, &mut gradient);
+                let mut given = Given::new(&ones, region);
+                gc::backward(isa, &windows, &taps, region, view, &mut given, &mut corrected, &mut gradient);
             });
             let micro = 1e6 / region.pixels() as f64;
             println!(

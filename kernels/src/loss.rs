@@ -44,20 +44,3 @@ impl Upstream for SelfSupervised<'_> {
         }
     }
 }
-
-/// An upstream gradient that is known beforehand, `[3, h, w]`.
-pub struct Given<'a> {
-    pub upstream: &'a [f32],
-    pub region: Region,
-}
-
-impl Upstream for Given<'_> {
-    const NEEDED: bool = true;
-
-    #[inline(always)]
-    unsafe fn gradient<S: Simd>(&mut self, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
-        let at = y * self.region.width + x;
-        // SAFETY: `at .. at + lanes` lies in every plane of the region.
-        std::array::from_fn(|k| unsafe { load_lanes::<S>(self.upstream, k * self.region.pixels() + at, lanes) })
-    }
-}

@@ -4,15 +4,15 @@
 //! made of the z of one half: of that compared with in the paper, of the corrected one in the other
 //! presets ([`own_weight`] says why).
 //!
-//! [`Objective::loss`] gives the gradient by the outputs of whatever network; [`Step::run`] takes each
-//! tile through our own network and back in one go, which is what a fit does.
+//! [`Objective::loss`] gives the gradient by a network's outputs; [`Step::run`] takes each tile through the network,
+//! the loss and back in one go.
 
 mod loss;
 mod step;
 mod tile;
 mod weight;
 
-pub use loss::{HalfObjective, Objective};
+pub use loss::{HalfObjective, Objective, PixelLoss, Scratch};
 pub use step::{Step, Workspaces};
 pub use tile::{Mirror, Tile};
 pub use weight::{own_weight, relative_weight, triple, weight_of};

@@ -3,7 +3,7 @@
 //! Each tile goes through the network, g_c, the loss and all the way back on one thread while its
 //! planes are in that core's cache; threads meet once a step, when the tiles' gradients are summed.
 
-use super::loss::{Objective, Scratch};
+use super::loss::{Objective, PixelLoss, Scratch};
 use super::tile::Tile;
 use rayon::prelude::*;
 use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes, sum_in_order};
@@ -99,8 +99,8 @@ impl Step<'_> {
         features.clear();
         self.objective.append_features(tile, features);
         network.forward(planes, features, outputs);
-        let limits = (scale, self.influence);
-        let loss = self.objective.tile_loss(self.isa, tile, outputs, limits, by_outputs, scratch);
+        let measure = PixelLoss { scale, influence: self.influence };
+        let loss = self.objective.loss(self.isa, tile, outputs, measure, by_outputs, scratch);
         let pixels = tile.region.pixels();
         by_outputs[self.held.start * pixels..self.held.end * pixels].fill(0.0);
         network.backward(planes, back, by_outputs, gradient);

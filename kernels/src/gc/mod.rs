@@ -4,6 +4,7 @@
 //! [`forward`] and [`backward`] are thin: the arithmetic stands once, in [`kernel`] and what it calls,
 //! generic over the instruction set; its naive f64 twin is [`oracle`].
 
+mod given;
 mod kernel;
 pub mod oracle;
 mod pairs;
@@ -14,6 +15,7 @@ mod sweep;
 mod taps;
 mod vector;
 
+pub use given::Given;
 pub use kernel::{NoUpstream, Upstream};
 pub use parameter_planes::ParameterPlanes;
 pub use taps::Taps;

@@ -12,7 +12,7 @@ mod rows;
 mod trunk;
 mod window;
 
-pub use trunk::{Activations, GradientPlanes, PackedNetwork, TilePlanes, backward, forward, sum_in_order};
+pub use trunk::{GradientPlanes, PackedNetwork, TilePlanes, sum_in_order};
 pub use window::WindowNetwork;
 
 use crate::features::FEATURE_CHANNELS;

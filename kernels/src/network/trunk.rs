@@ -1,11 +1,10 @@
-//! The whole network over tiles: forward with saved activations, and backward.
+//! The whole network over one tile: forward with saved activations, and backward.
 
 use super::conv::{Finish, Packed, convolve, weight_gradient};
 use super::planes::{Geometry, Planes};
 use super::{MAX_CHANNELS, Shape, layer};
 use crate::features::FEATURE_CHANNELS;
 use crate::simd::Isa;
-use rayon::prelude::*;
 
 /// A network's weights in the order that the kernels read them.
 pub struct PackedNetwork {
@@ -92,59 +91,6 @@ impl PackedNetwork {
             }
         }
     }
-}
-
-/// What [`backward`] needs of a [`forward`] pass.
-pub struct Activations {
-    pixels: usize,
-    tiles: Vec<TilePlanes>,
-}
-
-/// Network outputs before activation, `[batch, outputs, height, width]`, of features
-/// `[batch, 13, height, width]`, and the activations for [`backward`].
-///
-/// # Panics
-/// When a slice does not have the length that shape, batch and size demand.
-pub fn forward(
-    isa: Isa,
-    shape: &Shape,
-    weights: &[f32],
-    features: &[f32],
-    height: usize,
-    width: usize,
-) -> (Vec<f32>, Activations) {
-    let pixels = height * width;
-    assert_eq!(features.len() % (FEATURE_CHANNELS * pixels), 0, "whole tiles of features");
-    let network = PackedNetwork::new(isa, *shape, weights);
-    let batch = features.len() / (FEATURE_CHANNELS * pixels);
-    let mut outputs = vec![0.0; batch * shape.outputs * pixels];
-    let tiles = outputs
-        .par_chunks_mut(shape.outputs * pixels)
-        .zip(features.par_chunks(FEATURE_CHANNELS * pixels))
-        .map(|(outputs, features)| {
-            let mut tile = TilePlanes::new(shape, height, width);
-            network.forward(&mut tile, features, outputs);
-            tile
-        })
-        .collect();
-    (outputs, Activations { pixels, tiles })
-}
-
-/// Gradient of the flat weights, given the gradient of [`forward`]'s outputs. Tiles are summed in
-/// their order, whatever the number of threads.
-pub fn backward(isa: Isa, shape: &Shape, weights: &[f32], saved: &Activations, upstream: &[f32]) -> Vec<f32> {
-    let values = shape.outputs * saved.pixels;
-    assert_eq!(upstream.len(), saved.tiles.len() * values, "upstream gradient");
-    let network = PackedNetwork::new(isa, *shape, weights);
-    let tiles = saved.tiles.par_iter().zip(upstream.par_chunks(values));
-    let per_tile: Vec<Vec<f32>> = tiles
-        .map(|(tile, upstream)| {
-            let mut gradient = vec![0.0; shape.parameter_count()];
-            network.backward(tile, &mut GradientPlanes::of(tile), upstream, &mut gradient);
-            gradient
-        })
-        .collect();
-    sum_in_order(&per_tile)
 }
 
 /// Element by element, the first vector first.

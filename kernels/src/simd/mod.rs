@@ -42,25 +42,33 @@ impl Isa {
         sets
     }
 
-    /// The widest instruction set, or the one that `SSPC_ISA` names (avx512, avx2, portable).
-    ///
-    /// # Panics
-    /// When `SSPC_ISA` names one that this machine lacks.
+    /// The widest instruction set of this machine.
     pub fn best() -> Isa {
-        static BEST: std::sync::OnceLock<Isa> = std::sync::OnceLock::new();
-        *BEST.get_or_init(|| {
-            let available = Isa::available();
-            let wanted = std::env::var("SSPC_ISA").ok();
-            match wanted {
-                None => available[0],
-                Some(name) => *available
-                    .iter()
-                    .find(|isa| isa.name() == name)
-                    .unwrap_or_else(|| panic!("SSPC_ISA={name}: this machine has {available:?}")),
-            }
-        })
+        Isa::available()[0]
     }
 
+    /// The instruction set that the environment variable [`ISA_VARIABLE`] names (avx512, avx2, portable); without it
+    /// [`Isa::best`].
+    ///
+    /// # Errors
+    /// When the variable names none that this machine has.
+    pub fn from_env() -> Result<Isa, UnknownIsa> {
+        match std::env::var_os(ISA_VARIABLE) {
+            None => Ok(Isa::best()),
+            Some(name) => Isa::named(&name.to_string_lossy()),
+        }
+    }
+
+    /// The instruction set of this machine that has this name.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn named(name: &str) -> Result<Isa, UnknownIsa> {
+        let found = Isa::available().into_iter().find(|isa| isa.name() == name);
+        found.ok_or_else(|| UnknownIsa { name: name.chars().take(LONGEST_NAME).collect() })
+    }
+
+    /// The name in reports and in [`ISA_VARIABLE`].
     pub fn name(self) -> &'static str {
         match self {
             Isa::Avx512 => "avx512",
@@ -69,6 +77,26 @@ impl Isa {
         }
     }
 }
+
+/// The environment variable that forces an instruction set.
+pub const ISA_VARIABLE: &str = "SSPC_ISA";
+/// Longest part of an unknown name that is repeated to the user.
+const LONGEST_NAME: usize = 40;
+
+/// A name that is no instruction set of this machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownIsa {
+    name: String,
+}
+
+impl std::fmt::Display for UnknownIsa {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names: Vec<&str> = Isa::available().into_iter().map(Isa::name).collect();
+        write!(out, "{ISA_VARIABLE}: expected {}, found {:?}", names.join(", "), self.name)
+    }
+}
+
+impl std::error::Error for UnknownIsa {}
 
 /// Most lanes of any instruction set: rows are padded to a multiple of this.
 pub const MAX_LANES: usize = 16;
@@ -228,6 +256,18 @@ mod tests {
                 (f64::from(got) - t).abs() / t.abs().max(f64::MIN_POSITIVE)
             })
             .fold(0.0, |worst: f64, e| if e.is_nan() { f64::INFINITY } else { worst.max(e) })
+    }
+
+    #[test]
+    fn an_instruction_set_is_known_by_its_name_alone() {
+        for isa in Isa::available() {
+            assert_eq!(Isa::named(isa.name()), Ok(isa));
+        }
+        for name in ["", "avx", "AVX2", "portable ", "sse2\n"] {
+            let error = Isa::named(name).expect_err("no such set").to_string();
+            assert!(error.starts_with("SSPC_ISA: expected ") && error.contains("portable, found"), "{error}");
+            assert!(!error.contains('\n'), "{error}");
+        }
     }
 
     #[test]
