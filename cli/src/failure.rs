@@ -2,6 +2,7 @@
 
 use crate::output::print_line;
 use sspc_frames::error::{Error, ErrorKind};
+use sspc_kernels::simd::UnknownIsa;
 use std::process::ExitCode;
 
 /// Exit codes, printed by `--help`.
@@ -62,6 +63,12 @@ impl From<Error> for Failure {
             ErrorKind::Output => Code::Run,
         };
         Self::new(code, error.to_string(), error.advice())
+    }
+}
+
+impl From<UnknownIsa> for Failure {
+    fn from(error: UnknownIsa) -> Self {
+        Self::new(Code::Arguments, error.to_string(), "unset it to take the widest that the machine has")
     }
 }
 

@@ -11,6 +11,15 @@ impl Rng {
         Self { state: seed }
     }
 
+    /// A generator with numbers of its own for every `stream`, given the seed of this one: itself for stream 0.
+    pub fn stream(self, stream: u64) -> Self {
+        if stream == 0 {
+            return self;
+        }
+        // A state that another stream reaches by counting on would lie on the same sequence: so it is mixed.
+        Self::new(Self::new(self.state ^ stream.rotate_left(32)).next_u64())
+    }
+
     pub fn next_u64(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.state;
@@ -60,6 +69,20 @@ impl Rng {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn streams_of_a_seed_have_numbers_of_their_own() {
+        let first = |stream: u64| {
+            let mut rng = Rng::new(7).stream(stream);
+            [0; 64].map(|_| rng.next_u64())
+        };
+        let mut plain = Rng::new(7);
+        assert_eq!(first(0), [0; 64].map(|_| plain.next_u64()));
+        let mut all: Vec<u64> = (0..100).flat_map(first).collect();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), 6400, "streams that meet");
+    }
 
     #[test]
     fn an_index_is_drawn_by_its_weight() {

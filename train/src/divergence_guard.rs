@@ -90,7 +90,7 @@ mod tests {
     fn model(value: f32) -> Corrector {
         let shape = Shape { hidden: 1, layers: 1, outputs: Form::Paper.parameters() };
         let weights = vec![value; shape.parameter_count()];
-        Corrector::new(&Network { shape, weights }, &Backend::Flex.device().autodiff())
+        Corrector::new(&Network { shape, weights }, Backend::Flex)
     }
 
     #[test]

@@ -1,12 +1,12 @@
-//! The fit loop: tiles, loss, backward, Adam.
+//! The fit loop: tiles, loss and gradient, Adam.
 
 use crate::backend::Backend;
 use crate::divergence_guard::Guard;
-use crate::model::{Corrector, TileBatch, to_vec};
+use crate::model::Corrector;
 use crate::preset::{Denominator, LARGEST_RATE, Rate, Settings, Start};
 use crate::tiles::Schedule;
-use burn::optim::{AdamConfig, GradientsParams};
-use sspc_core::objective::{Objective, Workspaces};
+use burn::optim::AdamConfig;
+use sspc_core::objective::{self, Objective, Workspaces};
 use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
 use sspc_core::start;
@@ -14,7 +14,6 @@ use sspc_kernels::features::RADIANCE;
 use sspc_kernels::gc::Taps;
 use sspc_kernels::network::Network;
 use sspc_kernels::simd::Isa;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// What the caller decides beside the settings.
@@ -87,12 +86,12 @@ pub fn starting_network(settings: &Settings) -> Network {
 }
 
 /// The objective of one frame under `settings`.
-pub fn objective(prepared: &Prepared, settings: &Settings) -> Arc<Objective> {
+pub fn objective(prepared: &Prepared, settings: &Settings) -> Objective {
     let paper = Objective::new(prepared, settings.form, Taps::square(settings.radius), prepared.set);
-    Arc::new(match settings.denominator {
+    match settings.denominator {
         Denominator::OtherHalf => paper,
         Denominator::OwnHalf => paper.with_own_weight(prepared),
-    })
+    }
 }
 
 /// `factor` · √mean((y^a - y^b)² / 4), the paper's learning rate from the frame's noise, at most 0.1.
@@ -122,9 +121,9 @@ fn rate_at(settings: &Settings, noise_rate: f64, step: usize, done: f64) -> f64 
     }
 }
 
-fn schedule(settings: &Settings, prepared: &Prepared, steps: Option<usize>) -> Schedule {
+fn schedule(settings: &Settings, prepared: &Prepared, frame: usize, steps: Option<usize>) -> Schedule {
     let schedule = Schedule::new(settings, &prepared.plan, prepared.height(), prepared.width(), steps);
-    schedule.by_importance(settings, prepared)
+    schedule.of_frame(frame).by_importance(settings, prepared)
 }
 
 /// Fits `initial` to one frame, or to several in turn. `observe` is told of every step and may end
@@ -140,7 +139,8 @@ pub fn fit(
 ) -> Fitted {
     let start = Instant::now();
     let objectives: Vec<_> = prepared.iter().map(|p| objective(p, settings)).collect();
-    let mut schedules: Vec<Schedule> = prepared.iter().map(|p| schedule(settings, p, limits.steps)).collect();
+    let of_frame = |(frame, p): (usize, &&Prepared)| schedule(settings, p, frame, limits.steps);
+    let mut schedules: Vec<Schedule> = prepared.iter().enumerate().map(of_frame).collect();
     // Frames in turn; one without any noise has nothing to teach.
     let taught: Vec<usize> = (0..schedules.len()).filter(|&i| schedules[i].steps() > 0).collect();
     let noise_rate = match settings.rate {
@@ -150,31 +150,24 @@ pub fn fit(
     // The paper's rate is zero where both halves are equal: no step would change a weight.
     let moves = matches!(settings.rate, Rate::Cosine { .. }) || noise_rate > 0.0;
     let steps = if moves { schedules.iter().map(Schedule::steps).max().unwrap_or(0) } else { 0 };
-    let device = backend.device().autodiff();
     let shape = initial.shape;
-    let mut model = Corrector::new(&initial, &device);
+    let mut model = Corrector::new(&initial, backend);
     let mut guard = Guard::new(&model);
-    let workspaces = Arc::new(Workspaces::default());
+    let workspaces = Workspaces::default();
     let adam = AdamConfig::new().with_epsilon(1e-8);
     let mut optimiser = adam.init();
     let (mut history, mut end) = (Vec::new(), End::AllSteps);
     for step in 0..steps {
         let frame = taught[step % taught.len()];
-        let batch = TileBatch {
-            objective: objectives[frame].clone(),
-            tiles: Arc::new(schedules[frame].next_batch()),
-            shape,
-            isa,
-        };
+        let tiles = schedules[frame].next_batch();
         let done = (step as f64 / steps as f64).max(limits.elapsed_share(start)).min(1.0);
-        let influence = settings.influence.at(done);
-        let loss = batch.loss_of_weights(model.weights(), influence, settings.combination.held(), &workspaces);
-        let value = f64::from(loss.clone().into_scalar::<f32>());
+        let (influence, held) = (settings.influence.at(done), settings.combination.held());
+        let of_tiles = objective::Step { objective: &objectives[frame], shape, isa, influence, held };
+        let (loss, gradient) = of_tiles.run(&model.to_vec(), &tiles, &workspaces);
         let rate = guard.brake() * rate_at(settings, noise_rate, step, done);
-        let gradients = GradientsParams::from_grads(loss.backward(), &model);
-        let gradient = gradients.get::<1>(model.id()).map(to_vec).unwrap_or_default();
-        if guard.allows(value, &gradient) {
-            guard.took(&model, value);
+        if guard.allows(loss, &gradient) {
+            guard.took(&model, loss);
+            let gradients = model.gradients(gradient);
             model = optimiser.step(rate, model, gradients);
             if !guard.is_sound(&model) {
                 // The moments are as bad as the weights that they made.
@@ -185,7 +178,7 @@ pub fn fit(
             model = guard.drop_step();
         }
         let seconds = start.elapsed().as_secs_f64();
-        history.push(Step { step: step + 1, of: steps, loss: value, rate, seconds });
+        history.push(Step { step: step + 1, of: steps, loss, rate, seconds });
         if observe(&history[step]) == Control::Stop {
             end = End::Interrupted;
             break;

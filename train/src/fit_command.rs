@@ -23,6 +23,7 @@ use std::time::{Duration, Instant};
 /// A [`Failure`] with its exit code; nothing is left behind then.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let start = Instant::now();
+    let isa = Isa::from_env()?;
     args.run.start_threads()?;
     let output = Output::new(args.run.verbosity(), Some(BAR));
     let mut settings = Settings::of(args.preset, args.seed);
@@ -44,7 +45,6 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     check_outputs(&folder, args, &overrides, &inputs)?;
 
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
-    let isa = Isa::best();
     let frames: Vec<&Prepared> = prepared.iter().collect();
     let mut progress = Progress::new(&output);
     let fitted = fit(&frames, &settings, initial, &limits, args.backend, isa, |step| {
@@ -69,7 +69,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let reports = inputs
         .iter()
         .zip(&outcomes)
-        .map(|(input, outcome)| report(args, &settings, input, &fitted, outcome, seconds))
+        .map(|(input, outcome)| report(args, isa, &settings, input, &fitted, outcome, seconds))
         .collect();
     interrupt::check()?;
     let written = Written { args, settings: &settings, inputs: &inputs, fitted: &fitted, outcomes: &outcomes };
@@ -80,6 +80,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
 
 fn report(
     args: &FitArgs,
+    isa: Isa,
     settings: &Settings,
     input: &Input,
     fitted: &Fitted,
@@ -91,7 +92,7 @@ fn report(
         preset: args.preset,
         seed: args.seed,
         backend: args.backend.to_string(),
-        instruction_set: Isa::best().name(),
+        instruction_set: isa.name(),
         threads: rayon::current_num_threads(),
         width: input.denoised.width(),
         height: input.denoised.height(),

@@ -8,7 +8,7 @@
 //! | [`tiles`], `importance` | on what to train |
 //! | [`warm_start`] | where to start, when from a model |
 //! | [`fit`] | the loop: tiles, loss, gradient, Adam |
-//! | [`model`], [`operation`], [`backend`] | the Burn side of it |
+//! | [`model`], [`backend`] | which part of it is Burn's, and where it runs |
 //! | [`combination`] | g_c, or f_c as its special case |
 //! | [`divergence_guard`] | keeps the weights finite |
 //! | [`outcome`] | the corrected frame |
@@ -26,7 +26,6 @@ pub mod fit_command;
 mod importance;
 pub mod inputs;
 pub mod model;
-pub mod operation;
 pub mod outcome;
 pub mod output_folder;
 pub mod preset;

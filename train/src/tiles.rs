@@ -81,6 +81,12 @@ impl Schedule {
         }
     }
 
+    /// The same for frame `frame` of a shot, from 0: every frame draws its own tiles, the first as if it were alone.
+    pub fn of_frame(mut self, frame: usize) -> Self {
+        self.rng = self.rng.stream(frame as u64);
+        self
+    }
+
     /// The same, with random tiles over blocks in proportion to their [`importance`] to `prepared`
     /// where the settings say so.
     pub fn by_importance(mut self, settings: &Settings, prepared: &Prepared) -> Self {
@@ -188,6 +194,22 @@ mod tests {
             let mut schedule = Schedule::new(&Settings::of(preset, 1), &Plan::everything(1, 7), 1, 7, None);
             let tiles = schedule.next_batch();
             assert!(tiles.iter().all(|t| t.region.height == 1 && t.region.width == 7 && !t.mirror.diagonal));
+        }
+    }
+
+    /// Fails when frames of a shot share their random numbers, or the first frame's depend on being in a shot.
+    #[test]
+    fn every_frame_of_a_shot_draws_its_own_tiles() {
+        for preset in [Preset::Paper, Preset::Balanced, Preset::Quality] {
+            let of_frame = |schedule: fn(Schedule) -> Schedule| {
+                let own = Schedule::new(&Settings::of(preset, 1), &Plan::everything(360, 640), 360, 640, None);
+                let mut own = schedule(own);
+                (0..3).map(|_| own.next_batch()).collect::<Vec<_>>()
+            };
+            let alone = of_frame(|own| own);
+            assert_eq!(alone, of_frame(|own| own.of_frame(0)), "{preset}: the first frame");
+            let (second, third) = (of_frame(|own| own.of_frame(1)), of_frame(|own| own.of_frame(2)));
+            assert!(alone != second && alone != third && second != third, "{preset}: frames share their tiles");
         }
     }
 

@@ -1,7 +1,7 @@
 //! Activation of the network's outputs and its gradient.
 
-use super::case::{Array, Case};
-use super::closeness::{Mismatch, Relative, Worst, assert_close, assert_sensitive, compare};
+use sspc_testkit::case::{Array, Case};
+use sspc_testkit::closeness::{Mismatch, Relative, Worst, assert_close, assert_sensitive, compare};
 use sspc_kernels::parameters::{Form, activate, activate_backward};
 use sspc_kernels::simd::Isa;
 

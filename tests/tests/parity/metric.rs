@@ -1,6 +1,6 @@
 //! relL2 with and without the reference's halves.
 
-use super::case::Case;
+use sspc_testkit::case::Case;
 use sspc_image::{Image, Reference};
 use sspc_metrics::rel_l2;
 

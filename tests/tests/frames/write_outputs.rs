@@ -1,8 +1,6 @@
 //! Outputs keep what they were made from, appear whole or not at all, and never touch an input.
 
-mod common;
-
-use common::{H, HALF, Part, W, value, write_file, write_parts};
+use sspc_testkit::exr_parts::{H, HALF, Part, W, value, write_file, write_parts};
 use exr::compression::Compression;
 use exr::image::{FlatImage, FlatSamples};
 use exr::meta::attribute::{AttributeValue, Text};
