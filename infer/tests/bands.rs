@@ -1,15 +1,11 @@
 //! A frame corrected in bands is the frame corrected whole, with the network's tiles and the rows
 //! around a band as `run` cuts them.
 
-mod common;
-
-use common::assert_close;
 use sspc_core::corrector::parameters;
 use sspc_core::finish::{Composition, finish, picture};
 use sspc_core::prepare::{FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
 use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_infer::run::correct::{CorrectError, Options, correct};
@@ -19,16 +15,11 @@ use sspc_kernels::network::Network;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
-use std::path::PathBuf;
+use sspc_testkit::closeness::assert_images_close;
+use sspc_testkit::frames::sample;
 
 /// The judge's box means add f32 values in another order.
 const TOLERANCE: f64 = 1e-5;
-
-fn sample() -> sspc_image::Frame {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data/sample");
-    let files = FrameFiles::halves(folder.join("a.exr"), folder.join("b.exr"));
-    read_frame(&files, &RoleOverrides::none()).unwrap()
-}
 
 fn bands(rows: usize) -> Options {
     Options { rows: Some(rows), ..Options::default() }
@@ -49,7 +40,7 @@ fn bands_do_not_show() {
     assert!(whole.fallback.is_none(), "a fallback would leave nothing to compare");
     for rows in [16, 48, 100] {
         let banded = run(rows);
-        assert_close(&banded.picture, &whole.picture, TOLERANCE, &format!("bands of {rows}"));
+        assert_images_close(&banded.picture, &whole.picture, TOLERANCE, &format!("bands of {rows}"));
         assert!((banded.mean_share - whole.mean_share).abs() < TOLERANCE);
         assert!((banded.active_share - whole.active_share).abs() < TOLERANCE);
         assert!((banded.estimate.corrected.value / whole.estimate.corrected.value - 1.0).abs() < 1e-4);
@@ -79,7 +70,7 @@ fn an_unjudged_picture_is_computed_everywhere() {
     let prepared = Prepared::by_stats(&frame, survey).without_skips(survey);
     let planes = [0, 1].map(|h| parameters(isa, form, &network, &prepared.halves[h], &prepared.plan));
     let whole = finish(isa, form, &taps, contract.composition, &prepared, [&planes[0], &planes[1]]);
-    assert_close(&found.picture, &picture(&frame, &prepared, &whole), TOLERANCE, "the paper's picture");
+    assert_images_close(&found.picture, &picture(&frame, &prepared, &whole), TOLERANCE, "the paper's picture");
     let skipped = Prepared::by_stats(&frame, survey);
     assert!(skipped.plan.active_share < 0.6, "a frame of which half is still");
 

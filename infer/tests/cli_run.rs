@@ -1,7 +1,5 @@
 //! `sspc-infer run` and `info` as a person or a farm runs them.
 
-mod common;
-
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_frames::{read_picture, read_reference};
@@ -9,6 +7,7 @@ use sspc_image::Image;
 use sspc_kernels::parameters::Form;
 use sspc_metrics::rel_l2;
 use sspc_onnx::{Contract, Model, write_image, write_network};
+use sspc_testkit::closeness::assert_images_close;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -109,7 +108,7 @@ fn kernels_threads_and_tiles_do_not_show() {
         .collect();
     assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
     // Stored as half floats: one unit in the last place is 1e-3 of the value.
-    common::assert_close(&pictures[3], &pictures[0], 1.5e-3, "tract's own operators");
+    assert_images_close(&pictures[3], &pictures[0], 1.5e-3, "tract's own operators");
 }
 
 #[test]

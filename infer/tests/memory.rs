@@ -1,10 +1,6 @@
 //! A frame that is read in bands takes memory for its bands and its picture, however many rows it has.
 //! One test in a program of its own: the allocator counts whatever runs at the same time.
 
-#[path = "../../frames/tests/common/peak.rs"]
-mod peak;
-
-use peak::peak_of;
 use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_core::start;
@@ -18,7 +14,11 @@ use sspc_infer::run::source::Surveyed;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
+use sspc_testkit::peak::{PeakAlloc, peak_of};
 use std::path::Path;
+
+#[global_allocator]
+static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 const WIDTH: usize = 128;
 const BAND: usize = 64;
@@ -62,7 +62,7 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
     let engine = Engine::new(Model::new(contract, weights).expect("a model"), Kernels::Fused(Isa::best()), 64);
     let files = [384, 768].map(|height| frame(folder.path(), height));
     let correct = |files: &FrameFiles| {
-        peak_of(|| {
+        peak_of(&ALLOCATOR, || {
             let open = OpenFrame::open(files, &RoleOverrides::none()).expect("frame");
             let frame = Surveyed::in_bands(open, Exposure::Normalised).expect("readable");
             let seconds = &mut Seconds::default();

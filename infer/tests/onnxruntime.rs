@@ -1,10 +1,7 @@
 //! Both graphs in onnxruntime against our own engine, the ONNX checker, and the README's lines of
 //! Python as written. Needs the virtual environment of the PyTorch reference, whose interpreter
-//! `SSPC_PYTHON_VENV` names; without it the tests say so and pass.
+//! `SSPC_PYTHON_VENV` names; without it the tests say aloud that they are skipped.
 
-mod common;
-
-use common::{assert_close, features, model};
 use sspc_core::finish::{Composition, finish, picture};
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Exposure, Prepared};
@@ -17,6 +14,10 @@ use sspc_kernels::gc::Taps;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model, write_image, write_network};
+use sspc_testkit::closeness::assert_images_close;
+use sspc_testkit::frames::{frame_of, sample_folder};
+use sspc_testkit::models::{features, model};
+use sspc_testkit::skips::python;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -24,13 +25,8 @@ use std::process::Command;
 const NETWORK_TOLERANCE: f64 = 1e-4;
 const IMAGE_TOLERANCE: f64 = 1e-3;
 
-fn python() -> Option<PathBuf> {
-    let python = std::env::var_os("SSPC_PYTHON_VENV").map(PathBuf::from);
-    if python.is_none() {
-        eprintln!("SKIPPED: SSPC_PYTHON_VENV names no interpreter; see .ci/setup-python");
-    }
-    python
-}
+/// What is left out without that environment.
+const WHAT: &str = "our graphs in onnxruntime";
 
 fn run_python(python: &Path, folder: &Path, script: &Path) {
     let output = Command::new(python).current_dir(folder).arg(script).output().expect("python runs");
@@ -52,7 +48,7 @@ fn read_image(path: PathBuf, channels: usize, height: usize, width: usize, index
 /// Halves a and b as a prepared frame of exposure 1, from two feature tensors.
 fn prepared(halves: [Image; 2]) -> Prepared {
     let (height, width) = (halves[0].height(), halves[0].width());
-    let frame = common::frame_of(&halves);
+    let frame = frame_of(&halves);
     let prepared = Prepared::new(&frame, Exposure::AsIs);
     assert_eq!(prepared.halves[0].data(), halves[0].data(), "{height}x{width}: features as given");
     prepared
@@ -60,7 +56,7 @@ fn prepared(halves: [Image; 2]) -> Prepared {
 
 #[test]
 fn onnxruntime_gives_what_our_engine_gives() {
-    let Some(python) = python() else { return };
+    let Some(python) = python(WHAT) else { return };
     let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/run_graphs.py");
     for (form, height, width) in [(Form::Gated, 31, 22), (Form::Paper, 4, 7), (Form::Gated, 1, 40)] {
         let model = model(form, 16, 9);
@@ -94,20 +90,20 @@ fn onnxruntime_gives_what_our_engine_gives() {
         let ours = [0, 1].map(|h| engine.parameters(&prepared.halves[h], &everything).expect("runs"));
         for (h, ours) in ours.iter().enumerate() {
             let theirs = read_image(at("parameters.f32"), form.parameters(), height, width, h);
-            assert_close(&theirs, ours, NETWORK_TOLERANCE, &format!("{form:?} {height}x{width} half {h}"));
+            assert_images_close(&theirs, ours, NETWORK_TOLERANCE, &format!("{form:?} {height}x{width} half {h}"));
         }
         let taps = Taps::square(9);
         let done = finish(isa, form, &taps, Composition::MeanOfHalves, &prepared, [&ours[0], &ours[1]]);
         let mut ours = prepared.denoised.clone();
         ours.data_mut().iter_mut().zip(done.correction.data()).for_each(|(z, c)| *z = (*z + c).max(0.0));
         let theirs = read_image(at("corrected.f32"), 3, height, width, 0);
-        assert_close(&theirs, &ours, IMAGE_TOLERANCE, &format!("{form:?} {height}x{width} picture"));
+        assert_images_close(&theirs, &ours, IMAGE_TOLERANCE, &format!("{form:?} {height}x{width} picture"));
     }
 }
 
 #[test]
 fn the_readmes_python_corrects_the_sample() {
-    let Some(python) = python() else { return };
+    let Some(python) = python(WHAT) else { return };
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     let readme = std::fs::read_to_string(root.join("onnx/README.md")).expect("README");
     let code = readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).expect("code");
@@ -115,7 +111,7 @@ fn the_readmes_python_corrects_the_sample() {
     let folder = tempfile::tempdir().expect("folder");
     let at = |name: &str| folder.path().join(name);
     for half in ["a.exr", "b.exr"] {
-        std::fs::copy(root.join("tests/data/sample").join(half), at(half)).expect("sample");
+        std::fs::copy(sample_folder().join(half), at(half)).expect("sample");
     }
     let contract = Contract::new(Form::Gated);
     let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
@@ -135,5 +131,5 @@ fn the_readmes_python_corrects_the_sample() {
     let done = finish(isa, Form::Gated, &taps, Composition::MeanOfHalves, &prepared, both);
     let ours = picture(&frame, &prepared, &done);
     let theirs = read_image(at("corrected.f32"), 3, frame.height(), frame.width(), 0);
-    assert_close(&theirs, &ours, IMAGE_TOLERANCE, "the README's picture");
+    assert_images_close(&theirs, &ours, IMAGE_TOLERANCE, "the README's picture");
 }

@@ -1,15 +1,14 @@
 //! Both graphs against the PyTorch reference's cases, through tract with its own operators and with
 //! ours.
 
-mod common;
-
-use common::{Case, assert_close, case};
 use sspc_core::plan::Plan;
 use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::parameters::{Form, activation_f64};
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model, write_image};
+use sspc_testkit::case::Case;
+use sspc_testkit::closeness::assert_images_close;
 use tract_onnx::prelude::*;
 
 /// The bound for the network: nine layers of f32 sums, then activations.
@@ -23,7 +22,7 @@ fn kernels() -> Vec<(String, Kernels)> {
 }
 
 fn model_of(case: &Case, form: Form) -> Model {
-    Model::new(Contract::new(form), case.floats("weights")).unwrap()
+    Model::new(Contract::new(form), case.any("weights").f32()).unwrap()
 }
 
 fn parameters(model: &Model, kernels: Kernels, features: &Image) -> Image {
@@ -33,58 +32,58 @@ fn parameters(model: &Model, kernels: Kernels, features: &Image) -> Image {
 
 #[test]
 fn the_network_graph_gives_pytorchs_parameters() {
-    let case = case("network");
+    let case = Case::named("network");
     let model = model_of(&case, Form::Paper);
     for (height, width) in [(1, 1), (1, 6), (7, 5), (11, 13)] {
-        let features = case.floats(&format!("features_{height}x{width}"));
+        let features = case.any(&format!("features_{height}x{width}")).f32();
         let features = Image::from_planes(13, height, width, features);
-        let raw = case.doubles(&format!("raw_{height}x{width}"));
+        let raw = &case.any(&format!("raw_{height}x{width}")).values;
         let pixels = height * width;
         let expected = raw.iter().enumerate().map(|(i, o)| activation_f64(i / pixels, *o).0 as f32);
         let expected = Image::from_planes(15, height, width, expected.collect());
         for (name, kernels) in kernels() {
             let found = parameters(&model, kernels, &features);
-            assert_close(&found, &expected, NETWORK_TOLERANCE, &format!("{name}, {height}x{width}"));
+            assert_images_close(&found, &expected, NETWORK_TOLERANCE, &format!("{name}, {height}x{width}"));
         }
     }
 }
 
 #[test]
 fn the_network_graph_gives_the_pipelines_parameters() {
-    let case = case("pipeline");
+    let case = Case::named("pipeline");
     let model = model_of(&case, Form::Gated);
     for half in 0..2 {
-        let features = case.part("features", half);
-        let expected = case.part("parameters", half);
+        let features = case.any("features").image(half);
+        let expected = case.any("parameters").image(half);
         for (name, kernels) in kernels() {
             let found = parameters(&model, kernels, &features);
-            assert_close(&found, &expected, NETWORK_TOLERANCE, &format!("{name}, half {half}"));
+            assert_images_close(&found, &expected, NETWORK_TOLERANCE, &format!("{name}, half {half}"));
         }
     }
 }
 
 #[test]
 fn the_image_graph_gives_pytorchs_picture_in_tract() {
-    let case = case("pipeline");
+    let case = Case::named("pipeline");
     let bytes = write_image(&model_of(&case, Form::Gated));
     let names = ["radiance", "denoised", "albedo", "visibility", "normal"];
     let mut graph = tract_onnx::onnx().model_for_read(&mut &bytes[..]).unwrap();
     let mut inputs: TVec<TValue> = tvec!();
     for (i, name) in names.into_iter().enumerate() {
-        let shape = case.shape(name);
-        graph = graph.with_input_fact(i, f32::fact(&shape).into()).unwrap();
-        inputs.push(Tensor::from_shape(&shape, &case.floats(name)).unwrap().into());
+        let array = case.any(name);
+        graph = graph.with_input_fact(i, f32::fact(&array.shape).into()).unwrap();
+        inputs.push(Tensor::from_shape(&array.shape, &array.f32()).unwrap().into());
     }
     inputs.push(tensor1(&[1.0f32]).into());
     let outputs = graph.into_optimized().unwrap().into_runnable().unwrap().run(inputs).unwrap();
     let halves = outputs[1].to_plain_array_view::<f32>().unwrap();
     let halves: Vec<f32> = halves.iter().copied().collect();
     for half in 0..2 {
-        let expected = case.part("mu_hat", half);
+        let expected = case.any("mu_hat").image(half);
         let pixels = 3 * expected.pixels();
         let found = halves[half * pixels..][..pixels].to_vec();
         let found = Image::from_planes(3, expected.height(), expected.width(), found);
-        assert_close(&found, &expected, IMAGE_TOLERANCE, &format!("half {half}"));
+        assert_images_close(&found, &expected, IMAGE_TOLERANCE, &format!("half {half}"));
     }
     let corrected = outputs[0].to_plain_array_view::<f32>().unwrap();
     for (i, c) in corrected.iter().enumerate() {

@@ -1,8 +1,5 @@
 //! The tiling does not show, and the kernels agree with the f64 network and with tract's own.
 
-mod common;
-
-use common::{assert_close, features, model, next};
 use sspc_core::plan::Plan;
 use sspc_image::Image;
 use sspc_infer::engine::tiles::TileGrid;
@@ -10,6 +7,8 @@ use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::network;
 use sspc_kernels::parameters::{Form, activation_f64};
 use sspc_kernels::simd::Isa;
+use sspc_testkit::closeness::assert_images_close;
+use sspc_testkit::models::{features, model, next};
 
 fn everything(features: &Image) -> Plan {
     Plan::everything(features.height(), features.width())
@@ -49,8 +48,8 @@ fn tracts_own_operators_give_the_same_tiled_and_whole() {
         let ours = Engine::new(model.clone(), Kernels::Fused(Isa::best()), tile)
             .parameters(&features, &everything(&features))
             .unwrap();
-        assert_close(&tract, &whole, NETWORK_TOLERANCE, &format!("{height}x{width} by {tile}"));
-        assert_close(&ours, &whole, NETWORK_TOLERANCE, &format!("{height}x{width} fused"));
+        assert_images_close(&tract, &whole, NETWORK_TOLERANCE, &format!("{height}x{width} by {tile}"));
+        assert_images_close(&ours, &whole, NETWORK_TOLERANCE, &format!("{height}x{width} fused"));
     }
 }
 
@@ -70,7 +69,7 @@ fn the_engine_agrees_with_the_f64_network() {
         for isa in Isa::available() {
             let engine = Engine::new(model.clone(), Kernels::Fused(isa), 6);
             let found = engine.parameters(&features, &everything(&features)).unwrap();
-            assert_close(&found, &expected, NETWORK_TOLERANCE, isa.name());
+            assert_images_close(&found, &expected, NETWORK_TOLERANCE, isa.name());
         }
     }
 }

@@ -1,15 +1,15 @@
 //! A fit holds a pixel's features once, and little beside them.
 //! One test in a program of its own: the allocator counts whatever runs at the same time.
 
-#[path = "../../frames/tests/common/peak.rs"]
-mod peak;
-
 use clap::Parser;
-use peak::peak_of;
-use sspc_tests::frames::SmallFrame;
+use sspc_testkit::peak::{PeakAlloc, peak_of};
+use sspc_testkit::small_frame::SmallFrame;
 use sspc_train::cli::{Cli, Command};
 use sspc_train::fit_command;
 use std::ffi::OsString;
+
+#[global_allocator]
+static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 const WIDTH: usize = 256;
 /// What a pixel more may take at the peak, and no more. Features of both halves and the full buffer's z (29 f32), z as
@@ -32,7 +32,7 @@ fn memory_for_a_pixel_is_bounded() {
         arguments.extend(frame.arguments().map(OsString::from));
         arguments.extend(roles.iter().flat_map(|role| ["--role", role]).map(OsString::from));
         let Command::Fit(arguments) = Cli::parse_from(arguments).command else { unreachable!("fit was asked for") };
-        let (outcome, bytes) = peak_of(|| fit_command::run(&arguments));
+        let (outcome, bytes) = peak_of(&ALLOCATOR, || fit_command::run(&arguments));
         outcome.expect("fitted");
         bytes
     };

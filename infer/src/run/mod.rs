@@ -26,13 +26,13 @@ use sspc_onnx::load_model;
 /// A [`Failure`] with its exit code: the frame's own when there is one frame, else one that counts
 /// the frames that failed.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let isa = Isa::from_env()?;
     let overrides = arguments.frame.overrides()?;
     let jobs = arguments.jobs()?;
     let model = load_model(&arguments.model).map_err(|error| {
         let advice = "give a model.onnx that sspc-train fit or export wrote";
         Failure::new(Code::Input, error.to_string(), advice)
     })?;
-    let isa = Isa::from_env()?;
     let engine = Engine::new(model, arguments.kernels.of(isa), arguments.tile);
     let bar = (jobs.len() > 1).then_some("{bar:32} {pos}/{len} frames  {eta} left");
     let output = Output::new(arguments.run.verbosity(), bar);

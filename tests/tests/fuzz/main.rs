@@ -4,17 +4,18 @@
 //! `SSPC_FUZZ_CASE=SEED:NUMBER` runs one again.
 
 mod damage;
-#[path = "../../../frames/tests/common/peak.rs"]
-mod peak;
 mod seeds;
 #[path = "../../../fuzz/src/lib.rs"]
 mod targets;
 
 use damage::{Alphabet, damaged};
-use peak::peak_of;
+use sspc_testkit::peak::{PeakAlloc, peak_of};
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+
+#[global_allocator]
+static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 /// Reading a few kilobytes takes microseconds, and a millisecond where threads are started; seconds are a hang
 /// (the machine may be busy).
@@ -61,7 +62,7 @@ fn run(target: &str, usual: u64, alphabet: Alphabet, most_memory: usize, read: i
             let bytes = if case == 0 { whole.clone() } else { damaged(whole, &seeds, case, alphabet) };
             let start = Instant::now();
             let guarded = || std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(&bytes)));
-            let (outcome, held) = peak_of(guarded);
+            let (outcome, held) = peak_of(&ALLOCATOR, guarded);
             let taken = start.elapsed();
             match outcome {
                 Ok(true) => accepted += 1,
@@ -113,7 +114,7 @@ fn claims_of_a_header_are_weighed_before_they_are_believed() {
             let window = [0, 0, width - 1, height - 1].map(i32::to_le_bytes).concat();
             bytes[at..at + window.len()].copy_from_slice(&window);
             let start = Instant::now();
-            let (read, held) = peak_of(|| desk.read(&bytes));
+            let (read, held) = peak_of(&ALLOCATOR, || desk.read(&bytes));
             assert!(!read, "{seed} holds no {width}x{height}");
             // Refused from the header alone: the decoder's buffers and the header itself.
             let impossible = i64::from(width) * i64::from(height) > 1 << 24;
@@ -158,7 +159,7 @@ fn the_memory_of_a_model_is_bounded_by_its_size() {
             ];
         }
         bytes.extend(&empty);
-        let (read, held) = peak_of(|| targets::model::read(&bytes));
+        let (read, held) = peak_of(&ALLOCATOR, || targets::model::read(&bytes));
         assert!(!read);
         println!("{} KiB held for field {field}", held >> 10);
         assert!(held <= MOST, "{held} bytes held for empty messages of field {field}");
@@ -168,6 +169,6 @@ fn the_memory_of_a_model_is_bounded_by_its_size() {
 #[test]
 fn memory_that_is_asked_for_counts_whether_or_not_it_is_touched() {
     let _alone = alone();
-    let (_, held) = peak_of(|| drop(std::hint::black_box(vec![0u8; 100 << 20])));
+    let (_, held) = peak_of(&ALLOCATOR, || drop(std::hint::black_box(vec![0u8; 100 << 20])));
     assert!(held >= 100 << 20);
 }

@@ -1,16 +1,13 @@
 //! The seeds' maker: `cargo test --release --workspace --test fuzz -- --ignored` writes `fuzz/seeds` anew. The files
 //! `dwaa.exr` and `dwab.exr` come from OpenEXR's own library (see fuzz/README.md): this project's cannot write them.
 
-#[path = "../../../frames/tests/common/mod.rs"]
-mod common;
-
-use common::{HALF, Part, write_parts};
 use exr::compression::Compression;
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_kernels::network::Shape;
 use sspc_kernels::parameters::Form;
 use sspc_onnx::{Contract, Model, write_image, write_network};
+use sspc_testkit::exr_parts::{HALF, Part, write_parts};
 use std::path::{Path, PathBuf};
 
 /// All pictures have this size, so that any two make a frame: more rows than a block of ZIP has.

@@ -1,9 +1,9 @@
 //! Activation of the network's outputs and its gradient.
 
-use super::case::{Array, Case};
-use super::closeness::{Mismatch, Relative, Worst, assert_close, assert_sensitive, compare};
 use sspc_kernels::parameters::{Form, activate, activate_backward};
 use sspc_kernels::simd::Isa;
+use sspc_testkit::case::{Array, Case};
+use sspc_testkit::closeness::{Mismatch, Relative, Worst, assert_close, assert_sensitive, compare};
 
 /// exp2 and log2 by polynomials of a few 1e-7, squared and inverted.
 const ACTIVATION: f64 = 1e-5;

@@ -4,20 +4,21 @@
 //! The stages of the run are left as `pipeline.npz` beside the error maps (cargo's `target/tmp`):
 //! `sspc-reference compare tests/cases/pipeline/io.npz target/tmp/pipeline.npz` reads them too.
 
-use super::case::{Array, Case};
-use super::closeness::{Relative, compare, largest};
-use super::g_c::Given;
 use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
-use sspc_core::objective::{Objective, Tile};
+use sspc_core::objective::{HalfObjective, Objective, PixelLoss, Tile};
 use sspc_core::prepare::{Exposure, Prepared};
-use sspc_image::{Frame, HalfBuffer, Image};
+use sspc_image::{Frame, Image};
 use sspc_kernels::features::FEATURE_CHANNELS;
-use sspc_kernels::gc::{ParameterPlanes, Taps, backward, forward};
-use sspc_kernels::network::{self, Shape};
-use sspc_kernels::parameters::{Form, activate};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::{PackedNetwork, Shape, sum_in_order};
+use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
+use sspc_testkit::case::{Array, Case};
+use sspc_testkit::closeness::{Relative, compare, largest, scratch};
+use sspc_testkit::frames::frame_of;
+use sspc_testkit::kernels::{Pass, activated, correct, correct_and_back, loss_of_tiles};
 use std::ops::Range;
 use std::path::Path;
 
@@ -81,50 +82,56 @@ const FAULT: f32 = 1.001;
 /// One run: every stage's values, both halves one after another.
 fn run(case: &Case, isa: Isa, fault: Fault) -> Vec<Vec<f32>> {
     let (height, width) = case.size("radiance");
-    let mut frame = frame(case, height, width);
+    let mut frame = frame(case);
     if fault.features {
         std::mem::swap(&mut frame.a.radiance, &mut frame.a.denoised);
     }
     let prepared = Prepared::new(&frame, Exposure::AsIs);
-    let features = [prepared.halves[0].data(), prepared.halves[1].data()].concat();
+    let halves = prepared.halves.each_ref().map(|half| half.data());
+    let forward = |shape: &Shape, weights: &[f32]| {
+        halves.map(|features| Pass::forward(isa, shape, weights, features, height, width))
+    };
 
     let shape = Shape::paper(Form::Gated);
     let mut weights = case.get("weights", &[shape.parameter_count()]).f32();
     scale_layer(&shape, &mut weights, fault.layer);
-    let mut stages = vec![features.clone()];
+    let mut stages = vec![halves.concat()];
     for layers in 1..shape.layers {
         // The first layers alone are a network whose last layer lacks its ReLU.
         let start = Shape { layers, outputs: shape.hidden, ..shape };
-        let (mut out, _) = network::forward(isa, &start, &weights[..start.parameter_count()], &features, height, width);
-        out.iter_mut().for_each(|v| *v = v.max(0.0));
+        let passes = forward(&start, &weights[..start.parameter_count()]);
+        let out = passes.iter().flat_map(|pass| pass.outputs.iter().map(|v| v.max(0.0))).collect();
         stages.push(out);
     }
-    let (raw, saved) = network::forward(isa, &shape, &weights, &features, height, width);
+    let passes = forward(&shape, &weights);
+    let raw = passes.each_ref().map(|pass| pass.outputs.as_slice()).concat();
 
     let objective = Objective::new(&prepared, Form::Gated, Taps::square(case.count("radius")), prepared.set);
     let region = Region { top: 0, left: 0, height, width };
     let (mut parameters, mut g, mut mu_hat) = (Vec::new(), Vec::new(), Vec::new());
     for (half, raw) in objective.halves.iter().zip(raw.chunks_exact(16 * region.pixels())) {
-        let mut activated = raw.to_vec();
-        activate(isa, Form::Gated, &mut activated);
+        let mut activated = activated(isa, Form::Gated, raw);
         if let Some(channel) = fault.parameter {
             let plane = channel * region.pixels()..(channel + 1) * region.pixels();
             activated[plane].iter_mut().for_each(|p| *p *= FAULT);
         }
+        let windows = half.planes.windows(region, Vec::new());
         for (form, out) in [(Form::Paper, &mut g), (Form::Gated, &mut mu_hat)] {
-            let view = ParameterPlanes::of_region(form, &activated[..form.parameters() * region.pixels()], &region);
-            let mut corrected = vec![0.0; 3 * region.pixels()];
-            forward(isa, &half.planes.windows(region, Vec::new()), &objective.taps, region, view, &mut corrected);
-            out.extend(corrected);
+            let own = &activated[..form.parameters() * region.pixels()];
+            out.extend(correct(isa, form, &windows, &objective.taps, region, own));
         }
         parameters.extend(activated);
     }
     let tiles = [0, 1].map(|half| Tile::upright(half, region));
     let scale = if fault.loss { FAULT } else { 1.0 } / (6 * region.pixels()) as f32;
-    let (loss, d_raw) = objective.loss(isa, &tiles, &raw, scale, f32::INFINITY);
+    let measure = PixelLoss { scale, influence: f32::INFINITY };
+    let (loss, d_raw) = loss_of_tiles(&objective, isa, &tiles, &raw, measure);
     let d_parameters = d_parameters(case, isa, &objective, region, &parameters);
     scale_layer(&shape, &mut weights, fault.layer_backward);
-    let d_weights = network::backward(isa, &shape, &weights, &saved, &d_raw);
+    let network = PackedNetwork::new(isa, shape, &weights);
+    let upstream = d_raw.chunks_exact(16 * region.pixels());
+    let of_halves: Vec<_> = passes.iter().zip(upstream).map(|(p, up)| p.backward_through(&network, up)).collect();
+    let d_weights = sum_in_order(&of_halves);
     stages.extend([raw, parameters, g, mu_hat, vec![loss as f32], d_parameters, d_raw]);
     stages.extend((0..shape.layers).rev().map(|layer| d_weights[weights_of(&shape, layer)].to_vec()));
     stages
@@ -145,43 +152,17 @@ fn weights_of(shape: &Shape, layer: usize) -> Range<usize> {
 /// kernel goes from μ̂ to the raw outputs without showing what lies between.
 fn d_parameters(case: &Case, isa: Isa, objective: &Objective, region: Region, parameters: &[f32]) -> Vec<f32> {
     let upstream = case.get("d_mu_hat", &[2, 3, region.height, region.width]).f32();
-    let mut gradient = vec![0.0; parameters.len()];
     let halves = parameters.chunks_exact(16 * region.pixels()).zip(upstream.chunks_exact(3 * region.pixels()));
-    for ((half, (parameters, upstream)), gradient) in
-        objective.halves.iter().zip(halves).zip(gradient.chunks_exact_mut(16 * region.pixels()))
-    {
-        let view = ParameterPlanes::of_region(Form::Gated, parameters, &region);
-        let mut given = Given { upstream, width: region.width, pixels: region.pixels() };
-        let mut out = vec![0.0; 3 * region.pixels()];
-        backward(
-            isa,
-            &half.planes.windows(region, Vec::new()),
-            &objective.taps,
-            region,
-            view,
-            &mut given,
-            &mut out,
-            gradient,
-        );
-    }
-    gradient
+    let of_half = |(half, (parameters, upstream)): (&HalfObjective, (&[f32], &[f32]))| {
+        let (windows, taps) = (half.planes.windows(region, Vec::new()), &objective.taps);
+        correct_and_back(isa, Form::Gated, &windows, taps, region, parameters, upstream).1
+    };
+    objective.halves.iter().zip(halves).flat_map(of_half).collect()
 }
 
-fn frame(case: &Case, height: usize, width: usize) -> Frame {
-    let half = |index: usize| {
-        let image = |key: &str, channels: usize| {
-            let both = case.get(key, &[2, channels, height, width]);
-            Image::from_planes(channels, height, width, both.slab(index, index + 1).f32())
-        };
-        HalfBuffer {
-            radiance: image("radiance", 3),
-            denoised: image("denoised", 3),
-            albedo: Some(image("albedo", 3)),
-            normal: Some(image("normal", 3)),
-            visibility: Some(image("visibility", 1)),
-        }
-    };
-    Frame { a: half(0), b: half(1), denoised: None, sources: Vec::new(), warnings: Vec::new() }
+fn frame(case: &Case) -> Frame {
+    let both = case.any("features");
+    frame_of(&[both.image(0), both.image(1)])
 }
 
 /// One line for each stage up to the first that differs, and that stage's name.
@@ -199,14 +180,10 @@ fn report(case: &Case, stages: &[Vec<f32>]) -> (String, Option<&'static str>) {
 }
 
 fn expected(case: &Case, stage: &str) -> Array {
-    let all = |key: &str| {
-        let shape = case.arrays.get(key).map(|a| a.shape.clone()).unwrap_or_default();
-        case.get(key, &shape)
-    };
-    let Some(layer) = stage.strip_prefix("d_layer_") else { return all(stage).clone() };
+    let Some(layer) = stage.strip_prefix("d_layer_") else { return case.any(stage).clone() };
     let layer: usize = layer.parse().expect("a layer's number");
     let Range { start, end } = weights_of(&Shape::paper(Form::Gated), layer - 1);
-    all("d_weights").slab(start, end)
+    case.any("d_weights").slab(start, end)
 }
 
 #[test]
@@ -227,7 +204,7 @@ fn no_stage_of_the_pipeline_differs() {
 }
 
 fn write_stages(case: &Case, stages: &[Vec<f32>]) -> std::io::Result<()> {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{}.npz", case.name));
+    let path = scratch().join(format!("{}.npz", case.name));
     let mut file = NpzWriter::create(path)?;
     let mut write = |name: &str, values: &[f32]| {
         let shape: Vec<u64> = expected(case, name).shape.iter().map(|&n| n as u64).collect();
@@ -247,7 +224,7 @@ fn write_stages(case: &Case, stages: &[Vec<f32>]) -> std::io::Result<()> {
 
 #[test]
 fn a_fault_is_named_by_the_stage_it_is_in() {
-    let case = Case::load("pipeline").unwrap_or_else(|error| panic!("{error}"));
+    let case = Case::named("pipeline");
     let named = |fault: Fault| report(&case, &run(&case, Isa::best(), fault)).1;
     assert_eq!(named(Fault { features: true, ..Fault::default() }), Some("features"));
     for layer in 1..=9 {
@@ -265,7 +242,7 @@ fn a_fault_is_named_by_the_stage_it_is_in() {
 
 #[test]
 fn a_report_says_how_many_the_first_the_worst_and_where_the_map_is() {
-    let case = Case::load("pipeline").unwrap_or_else(|error| panic!("{error}"));
+    let case = Case::named("pipeline");
     let mut stages = run(&case, Isa::best(), Fault::default());
     // Half a, channel 1, row 2, column 3 and half b, channel 0, row 6, column 5 of layer 4.
     stages[4][7 * 6 + 2 * 6 + 3] += 0.25;

@@ -1,15 +1,16 @@
 //! g_c, the gate, and the gradients of every parameter group.
 
-use super::case::{Array, Case};
-use super::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{Correction, Given, ParameterPlanes, Taps};
+use sspc_kernels::gc::Taps;
 use sspc_kernels::network::{Network, Shape};
-use sspc_kernels::parameters::{Form, activate, activate_backward};
+use sspc_kernels::parameters::{Form, activate_backward};
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
+use sspc_testkit::case::{Array, Case};
+use sspc_testkit::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
+use sspc_testkit::kernels::{activated, correct, correct_and_back};
 use sspc_train::combination::Combination;
 
 /// 361 weights of a few roundings each (exp2, log2), averaged: below 1e-6 of the sum's terms, and
@@ -61,7 +62,7 @@ impl Setup {
         let windows = Windows::new(&features, None, set, taps.radius());
         Self {
             form,
-            region: Region::whole(&windows),
+            region: Region::whole(height, width),
             windows,
             taps,
             raw: case.get("raw", &[outputs, height, width]).f32(),
@@ -71,23 +72,11 @@ impl Setup {
     }
 
     fn correct(&self, isa: Isa, form: Form, parameters: &[f32]) -> Vec<f32> {
-        let view = ParameterPlanes::of_region(form, parameters, &self.region);
-        let mut out = vec![0.0; 3 * self.region.pixels()];
-        self.with(view).forward(isa, &mut out);
-        out
+        correct(isa, form, &self.windows, &self.taps, self.region, parameters)
     }
 
     fn gradient(&self, isa: Isa, parameters: &[f32]) -> Vec<f32> {
-        let view = ParameterPlanes::of_region(self.form, parameters, &self.region);
-        let mut out = vec![0.0; 3 * self.region.pixels()];
-        let mut gradient = vec![0.0; parameters.len()];
-        let mut given = Given::new(&self.upstream, self.region);
-        self.with(view).backward(isa, &mut given, &mut out, &mut gradient);
-        gradient
-    }
-
-    fn with<'a>(&'a self, parameters: ParameterPlanes<'a>) -> Correction<'a> {
-        Correction { windows: &self.windows, taps: &self.taps, region: self.region, parameters }
+        correct_and_back(isa, self.form, &self.windows, &self.taps, self.region, parameters, &self.upstream).1
     }
 }
 
@@ -103,9 +92,7 @@ fn g_c_and_mu_hat_match() {
             let paper = &setup.parameters[..15 * setup.region.pixels()];
             let found = setup.correct(isa, Form::Paper, paper);
             let worst_g = assert_close(&stage("g"), g, &found, relative, FORWARD);
-            let mut activated = setup.raw.clone();
-            activate(isa, setup.form, &mut activated);
-            let found = setup.correct(isa, setup.form, &activated);
+            let found = setup.correct(isa, setup.form, &activated(isa, setup.form, &setup.raw));
             let worst = assert_close(&stage("mu_hat"), mu_hat, &found, relative, FORWARD);
             println!("{}: worst {:.1e}, from raw outputs {:.1e}", stage("g"), worst_g.0, worst.0);
         }
@@ -159,7 +146,7 @@ fn check_groups(stage: &str, expected: &Array, found: &[f32], zero: f64) {
 /// to the two tests above: each channel of the parameters scaled, one after another.
 #[test]
 fn a_wrong_constant_of_any_parameter_is_caught() {
-    let case = Case::load("gc-gated").unwrap_or_else(|error| panic!("{error}"));
+    let case = Case::named("gc-gated");
     let setup = Setup::new(&case);
     let pixels = setup.region.pixels();
     let shape = [3, setup.region.height, setup.region.width];
@@ -190,7 +177,7 @@ fn a_wrong_constant_of_any_parameter_is_caught() {
 /// f_c as the trainer makes it: the slopes of the case replaced by the biases that hold them.
 #[test]
 fn the_trainers_f_c_is_the_cases() {
-    let case = Case::load("fc").unwrap_or_else(|error| panic!("{error}"));
+    let case = Case::named("fc");
     let setup = Setup::new(&case);
     let shape = Shape::paper(setup.form);
     let mut network = Network { shape, weights: vec![1.0; shape.parameter_count()] };
@@ -205,9 +192,7 @@ fn the_trainers_f_c_is_the_cases() {
     let size = [3, setup.region.height, setup.region.width];
     let (expected, magnitude) = (case.get("mu_hat", &size), &case.get("magnitude", &size).values);
     for isa in Isa::available() {
-        let mut activated = raw.clone();
-        activate(isa, setup.form, &mut activated);
-        let found = setup.correct(isa, setup.form, &activated);
+        let found = setup.correct(isa, setup.form, &activated(isa, setup.form, &raw));
         assert_close(&format!("fc {}", isa.name()), expected, &found, Relative::ToTerms { magnitude }, FORWARD);
     }
 }

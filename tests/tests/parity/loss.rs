@@ -6,9 +6,7 @@
 //! In the two other channels μ̂ is then compared with itself, or the rounding of y - z there would be
 //! multiplied by their gradients.
 
-use super::case::{Array, Case};
-use super::closeness::{MUST_CATCH, Relative, assert_close, assert_sensitive, compare, largest};
-use sspc_core::objective::{HalfObjective, Objective, RELATIVE_FLOOR, Tile, relative_weight};
+use sspc_core::objective::{HalfObjective, Objective, PixelLoss, RELATIVE_FLOOR, Tile, relative_weight};
 use sspc_image::Image;
 use sspc_kernels::features::{DENOISED, FEATURE_CHANNELS, FeatureSet, RADIANCE};
 use sspc_kernels::gc::Taps;
@@ -16,6 +14,9 @@ use sspc_kernels::parameters::{Form, GATE};
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::FeaturePlanes;
+use sspc_testkit::case::{Array, Case};
+use sspc_testkit::closeness::{MUST_CATCH, Relative, assert_close, assert_sensitive, compare, largest};
+use sspc_testkit::kernels::loss_of_tiles;
 use std::sync::Arc;
 
 /// One mean of positive terms, summed in f64.
@@ -67,8 +68,8 @@ impl Setup {
     }
 
     /// The mean over pixels, channels and halves.
-    fn scale(&self) -> f32 {
-        1.0 / (2 * 3 * self.shape[1] * self.shape[2]) as f32
+    fn measure(&self) -> PixelLoss {
+        PixelLoss { scale: 1.0 / (2 * 3 * self.shape[1] * self.shape[2]) as f32, influence: f32::INFINITY }
     }
 
     /// The objective whose halves `given` makes of μ̂ and of the other half's y: own y, own z, target.
@@ -83,7 +84,7 @@ impl Setup {
 
     fn loss(&self, isa: Isa, objective: &Objective) -> f64 {
         let outputs = vec![0.0; 2 * 15 * self.shape[1] * self.shape[2]];
-        objective.loss(isa, &self.tiles(), &outputs, self.scale(), f32::INFINITY).0
+        loss_of_tiles(objective, isa, &self.tiles(), &outputs, self.measure()).0
     }
 
     /// Gradient of the loss by channel `channel` of both halves' μ̂, `[2, H, W]`.
@@ -99,7 +100,7 @@ impl Setup {
             [radiance, denoised, target]
         });
         let outputs = vec![0.0; 2 * 16 * pixels];
-        let (_, gradient) = objective.loss(isa, &self.tiles(), &outputs, self.scale(), f32::INFINITY);
+        let (_, gradient) = loss_of_tiles(&objective, isa, &self.tiles(), &outputs, self.measure());
         let mu_hat = ["mu_hat_a", "mu_hat_b"].map(|key| self.get(key).values[plane.clone()].to_vec()).concat();
         let gate = gradient.chunks_exact(16 * pixels).flat_map(|half| &half[GATE * pixels..]);
         gate.zip(mu_hat).map(|(g, mu_hat)| (f64::from(*g) * 4.0 / mu_hat) as f32).collect()

@@ -5,8 +5,6 @@
 //! smallest relative error of a constant or an input that it would catch.
 
 mod activations;
-mod case;
-mod closeness;
 mod first_difference;
 mod g_c;
 mod loss;

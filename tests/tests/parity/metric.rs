@@ -1,8 +1,8 @@
 //! relL2 with and without the reference's halves.
 
-use super::case::Case;
 use sspc_image::{Image, Reference};
 use sspc_metrics::rel_l2;
+use sspc_testkit::case::Case;
 
 /// Both sides sum in f64 from the same f32 images; the mean of the halves is one f32 rounding.
 const RELATIVE_L2: f64 = 1e-6;

@@ -1,13 +1,14 @@
 //! The network: raw outputs and weight gradients.
 
-use super::case::Case;
-use super::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
 use sspc_core::plan::Plan;
 use sspc_image::Image;
 use sspc_kernels::features::FEATURE_CHANNELS;
-use sspc_kernels::network::{Network, Shape, WindowNetwork, backward, forward};
+use sspc_kernels::network::{Network, Shape, WindowNetwork};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
+use sspc_testkit::case::Case;
+use sspc_testkit::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
+use sspc_testkit::kernels::Pass;
 
 /// Nine layers of 117 to 144 products each; of the largest output, since an output near zero is a
 /// difference of large sums.
@@ -36,7 +37,7 @@ fn raw_outputs_match_on_every_size() {
             let expected = case.get(&format!("raw_{size}"), &[15, height, width]);
             for isa in Isa::available() {
                 let stage = format!("{} {size} {} raw", case.name, isa.name());
-                let (found, _) = forward(isa, &shape, &weights, &features, height, width);
+                let found = Pass::forward(isa, &shape, &weights, &features, height, width).outputs;
                 let worst = assert_close(&stage, expected, &found, Relative::ToScale(largest(expected)), FORWARD);
                 println!("{stage}: worst {:.1e}", worst.0);
             }
@@ -81,8 +82,7 @@ fn weight_gradients_match_in_every_layer() {
             for (size, height, width) in sizes(&case) {
                 let features = case.get(&format!("features_{size}"), &[FEATURE_CHANNELS, height, width]).f32();
                 let upstream = case.get(&format!("upstream_{size}"), &[15, height, width]).f32();
-                let (_, saved) = forward(isa, &shape, &weights, &features, height, width);
-                let gradient = backward(isa, &shape, &weights, &saved, &upstream);
+                let gradient = Pass::forward(isa, &shape, &weights, &features, height, width).backward(&upstream);
                 total.iter_mut().zip(gradient).for_each(|(t, g)| *t += g);
             }
             for layer in 0..shape.layers {
@@ -99,7 +99,7 @@ fn weight_gradients_match_in_every_layer() {
 /// What a wrong weight or bias of any layer would do: each layer's weights scaled, one after another.
 #[test]
 fn a_wrong_layer_is_caught() {
-    let case = Case::load("network").unwrap_or_else(|error| panic!("{error}"));
+    let case = Case::named("network");
     let shape = Shape::paper(Form::Paper);
     let weights = case.get("weights", &[shape.parameter_count()]).f32();
     let features = case.get("features_7x5", &[FEATURE_CHANNELS, 7, 5]).f32();
@@ -109,7 +109,7 @@ fn a_wrong_layer_is_caught() {
         assert_sensitive(&format!("network, layer {}", layer + 1), |error| {
             let mut moved = weights.clone();
             moved[start..start + length].iter_mut().for_each(|w| *w *= 1.0 + error as f32);
-            let (found, _) = forward(Isa::best(), &shape, &moved, &features, 7, 5);
+            let found = Pass::forward(Isa::best(), &shape, &moved, &features, 7, 5).outputs;
             compare("perturbed", expected, &found, Relative::ToScale(largest(expected)), FORWARD).is_err()
         });
     }

@@ -1,10 +1,10 @@
 //! Cases that are damaged, of another shape or not finite are errors that say so; so are results.
 
-use super::case::{Array, Case, CaseError};
-use super::closeness::{Relative, compare};
+use sspc_testkit::case::{Array, Case, CaseError};
+use sspc_testkit::closeness::{Relative, compare};
 
 fn sample() -> Case {
-    Case::load("gc-5x3").unwrap_or_else(|error| panic!("{error}"))
+    Case::named("gc-5x3")
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn nan_and_infinity_are_errors() {
 #[test]
 fn a_truncated_file_is_an_error_with_its_path() {
     let folder = tempfile::tempdir().expect("a folder");
-    let from = super::case::root().join("gc-5x3");
+    let from = sspc_testkit::case::root().join("gc-5x3");
     std::fs::copy(from.join("case.json"), folder.path().join("case.json")).expect("case.json");
     let bytes = std::fs::read(from.join("io.npz")).expect("io.npz");
     for keep in [0, bytes.len() / 2, bytes.len() - 1] {

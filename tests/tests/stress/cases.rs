@@ -1,15 +1,14 @@
 //! The extreme inputs of the kernels.
 
 use crate::table::Worst;
-use sspc_core::plan::Plan;
-use sspc_core::prepare::{Findings, Prepared};
+use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
 use sspc_image::Image;
-use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
+use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, NORMAL, RADIANCE, VISIBILITY};
 use sspc_kernels::gc::WEIGHT_FLOOR;
 use sspc_kernels::parameters::{BANDWIDTHS, CENTRE, Form};
+use sspc_testkit::frames::{prepared, textured};
 use std::ops::Range;
-use std::sync::Arc;
 
 /// Below this f32 loses its bits one by one; errors are not measured relative to less.
 pub const SMALLEST: f64 = 1e-30;
@@ -42,15 +41,7 @@ impl Case {
 
     /// The case as a prepared frame, exposure 1, everything computed.
     pub fn prepared(&self) -> Prepared {
-        Prepared {
-            exposure: 1.0,
-            halves: self.halves.clone().map(Arc::new),
-            denoised: Image::from_fn(3, self.height(), self.width(), |k, y, x| self.halves[0].at(DENOISED + k, y, x)),
-            valid: self.valid.clone(),
-            set: FeatureSet::ALL,
-            plan: Plan::everything(self.height(), self.width()),
-            found: Findings::default(),
-        }
+        Prepared { valid: self.valid.clone(), ..prepared(self.halves.clone()) }
     }
 
     /// Largest magnitude of the features `channels` of half a.
@@ -115,19 +106,7 @@ const BANDWIDTH_OUTPUTS: Range<usize> = BANDWIDTHS..CENTRE;
 /// A textured scene with edges; noisy in both halves, the denoised colour less so.
 pub fn usual(height: usize, width: usize) -> Case {
     let rng = &mut Rng::new((height * 1000 + width) as u64);
-    let half = |rng: &mut Rng| {
-        Image::from_fn(FEATURE_CHANNELS, height, width, |c, y, x| {
-            let truth = 0.3 + 0.25 * ((x / 5 + y / 4 + c) % 3) as f32;
-            match c {
-                RADIANCE..ALBEDO => (truth * (1.0 + 0.6 * rng.normal())).max(0.0),
-                DENOISED.. => (truth * (1.0 + 0.05 * rng.normal())).max(0.0),
-                ALBEDO..VISIBILITY => (0.5 * truth + 0.1 * rng.uniform()).min(1.0),
-                VISIBILITY => ((x + y) % 2) as f32,
-                _ => (truth - 0.5 + 0.1 * rng.normal()).clamp(-1.0, 1.0),
-            }
-        })
-    };
-    let halves = [half(rng), half(rng)];
+    let halves = textured(height, width, rng);
     let raw = Image::from_fn(Form::Gated.parameters(), height, width, |_, _, _| 1.5 * rng.normal());
     Case { name: "as rendered".into(), halves, valid: None, raw }
 }

@@ -3,51 +3,24 @@
 use sspc_core::corrector::parameters;
 use sspc_core::finish::{Finished, finish, picture};
 use sspc_core::prepare::Prepared;
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_reference};
-use sspc_image::{Frame, HalfBuffer, Image, Reference};
-use sspc_kernels::features::{ALBEDO, DENOISED, NORMAL, RADIANCE, VISIBILITY};
+use sspc_image::{Frame, HalfBuffer, Image};
 use sspc_kernels::gc::Taps;
 use sspc_kernels::network::Network;
 use sspc_kernels::simd::Isa;
+use sspc_testkit::frames::{frame_of, whole_sample};
 use sspc_train::backend::Backend;
 use sspc_train::fit::{Control, Fitted, Limits, fit, starting_network};
 use sspc_train::preset::Settings;
-use std::path::PathBuf;
 
 /// The textured scene of the kernels' cases as a frame with every role.
 pub fn synthetic(height: usize, width: usize) -> Frame {
-    let case = crate::cases::usual(height, width);
-    let half = |features: &Image| {
-        let planes = |first: usize, count: usize| {
-            let data = (first..first + count).flat_map(|c| features.plane(c).to_vec()).collect();
-            Image::from_planes(count, height, width, data)
-        };
-        HalfBuffer {
-            radiance: planes(RADIANCE, 3),
-            denoised: planes(DENOISED, 3),
-            albedo: Some(planes(ALBEDO, 3)),
-            normal: Some(planes(NORMAL, 3)),
-            visibility: Some(planes(VISIBILITY, 1)),
-        }
-    };
-    let (a, b) = (half(&case.halves[0]), half(&case.halves[1]));
-    let denoised = Some(Image::mean_of(&a.denoised, &b.denoised));
-    Frame { a, b, denoised, sources: Vec::new(), warnings: Vec::new() }
+    let frame = frame_of(&crate::cases::usual(height, width).halves);
+    Frame { denoised: Some(Image::mean_of(&frame.a.denoised, &frame.b.denoised)), ..frame }
 }
 
 /// A part of the repository's sample frame with every role.
 pub fn sample(top: usize, left: usize, height: usize, width: usize) -> Frame {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("data/sample");
-    let files = FrameFiles::halves(folder.join("a.exr"), folder.join("b.exr"));
-    let files = files.with_denoised(None, None, Some(folder.join("denoised.exr")));
-    let whole = read_frame(&files, &RoleOverrides::none()).expect("the sample frame");
-    changed(&whole, |image| image.crop(top, left, height, width))
-}
-
-/// The sample frame's reference.
-pub fn reference() -> Reference {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("data/sample");
-    read_reference(&folder.join("ref.exr"), None).expect("the sample's reference")
+    changed(&whole_sample(), |image| image.crop(top, left, height, width))
 }
 
 /// The frame with every image changed.

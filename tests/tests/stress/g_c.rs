@@ -4,11 +4,12 @@ use crate::cases::{self, Case, SMALLEST};
 use crate::table::{Table, Worst};
 use sspc_core::rng::Rng;
 use sspc_kernels::features::FeatureSet;
-use sspc_kernels::gc::{self, Correction, Given, PAPER_RADIUS, ParameterPlanes, Taps};
-use sspc_kernels::parameters::{self, Form};
+use sspc_kernels::gc::{self, PAPER_RADIUS, Taps};
+use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
+use sspc_testkit::kernels::{activated, correct_and_back};
 
 /// Sums of 361 terms whose exponents carry the rounding of γ·d, up to 88 times 6e-8; relative to the sum
 /// of the terms without their signs.
@@ -16,16 +17,12 @@ const TOLERANCE: Worst = Worst { value: 1e-5, gradient: 2e-5 };
 
 fn measure(case: &Case, form: Form, isa: Isa) -> Worst {
     let windows = Windows::new(&case.halves[0], case.valid.as_ref(), FeatureSet::ALL, PAPER_RADIUS);
-    let (taps, region) = (Taps::square(PAPER_RADIUS), Region::whole(&windows));
+    let (taps, region) = (Taps::square(PAPER_RADIUS), Region::whole(case.height(), case.width()));
     let pixels = region.pixels();
     let rng = &mut Rng::new(9);
     let upstream: Vec<f32> = (0..3 * pixels).map(|_| rng.normal()).collect();
-    let mut p = case.outputs(form).to_vec();
-    parameters::activate(isa, form, &mut p);
-    let view = ParameterPlanes::of_region(form, &p, &region);
-    let (mut out, mut gradient) = (vec![0.0; 3 * pixels], vec![0.0; p.len()]);
-    let correction = Correction { windows: &windows, taps: &taps, region, parameters: view };
-    correction.backward(isa, &mut Given::new(&upstream, region), &mut out, &mut gradient);
+    let p = activated(isa, form, case.outputs(form));
+    let (out, gradient) = correct_and_back(isa, form, &windows, &taps, region, &p, &upstream);
 
     let mut worst = Worst::default();
     let vanished = case.of_vanished_weights();

@@ -2,13 +2,14 @@
 
 use crate::cases::{self, Case, SMALLEST};
 use crate::table::{Table, Worst};
-use sspc_core::objective::{Objective, Tile};
+use sspc_core::objective::{Objective, PixelLoss, Tile};
 use sspc_kernels::features::{DENOISED, FeatureSet, RADIANCE};
 use sspc_kernels::gc::{self, PAPER_RADIUS, Taps};
-use sspc_kernels::parameters::{self, Form, activation_f64};
+use sspc_kernels::parameters::{Form, activation_f64};
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
+use sspc_testkit::kernels::{activated, loss_of_tiles};
 
 /// A squared error is off by twice what its difference is off by, and the weights by their own rounding.
 const TOLERANCE: Worst = Worst { value: 1e-5, gradient: 1e-4 };
@@ -21,14 +22,14 @@ fn measure(case: &Case, form: Form, influence: f32, isa: Isa) -> Worst {
     let (taps, prepared) = (Taps::square(PAPER_RADIUS), case.prepared());
     let objective = Objective::new(&prepared, form, taps.clone(), set);
     let windows = Windows::new(&case.halves[0], case.valid.as_ref(), set, PAPER_RADIUS);
-    let region = Region::whole(&windows);
+    let region = Region::whole(case.height(), case.width());
     let (pixels, width) = (region.pixels(), region.width);
     let raw = case.outputs(form);
     let scale = 1.0 / (3 * pixels) as f32;
-    let (loss, gradient) = objective.loss(isa, &[Tile::upright(0, region)], raw, scale, influence);
+    let tiles = [Tile::upright(0, region)];
+    let (loss, gradient) = loss_of_tiles(&objective, isa, &tiles, raw, PixelLoss { scale, influence });
 
-    let mut p = raw.to_vec();
-    parameters::activate(isa, form, &mut p);
+    let p = activated(isa, form, raw);
     let (scale, influence, other) = (f64::from(scale), f64::from(influence), &case.halves[1]);
     let (mut truth, mut size_of_loss, mut worst) = (0.0, 0.0, Worst::default());
     for i in 0..pixels {

@@ -7,6 +7,7 @@ use sspc_image::Image;
 use sspc_kernels::network::{self, Shape};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
+use sspc_testkit::kernels::Pass;
 
 /// Four layers of up to 144 f32 products each.
 const TOLERANCE: Worst = Worst { value: 1e-5, gradient: 1e-5 };
@@ -42,11 +43,11 @@ fn measure(case: &Case, isa: Isa) -> Worst {
     let truth = network::oracle::forward(&shape, &w, &features, height, width).pop().unwrap_or_default();
     let truth_gradient = network::oracle::backward(&shape, &w, &features, height, width, &exact(upstream.data()));
 
-    let (out, saved) = network::forward(isa, &shape, &weights, case.halves[0].data(), height, width);
-    let gradient = network::backward(isa, &shape, &weights, &saved, upstream.data());
+    let pass = Pass::forward(isa, &shape, &weights, case.halves[0].data(), height, width);
+    let gradient = pass.backward(upstream.data());
     let mut worst = Worst::default();
     let sizes = local_size(&truth, &shape, height, width);
-    for (i, (&got, t)) in out.iter().zip(&truth).enumerate() {
+    for (i, (&got, t)) in pass.outputs.iter().zip(&truth).enumerate() {
         worst.of_value(got, *t, sizes[i % pixels]);
     }
     for l in 0..shape.layers {

@@ -4,10 +4,11 @@
 //! rounds every value anew, by 6e-8; one model gives the same picture then to 1e-4, while training
 //! takes such a rounding further with every step, until the two fits differ as those of two seeds do.
 
-use crate::frames::{corrected, fitted, reference, sample, scaled};
+use crate::frames::{corrected, fitted, sample, scaled};
 use sspc_core::prepare::Prepared;
 use sspc_image::Image;
 use sspc_metrics::rel_l2;
+use sspc_testkit::frames::sample_reference;
 use sspc_train::fit::starting_network;
 use sspc_train::preset::{Preset, Settings};
 
@@ -91,7 +92,7 @@ fn a_power_of_two_changes_no_bit() {
 #[ignore = "minutes: every step of two presets on the whole sample frame"]
 fn fits_of_a_scaled_frame_differ_as_two_seeds_do() {
     let frame = sample(0, 0, 192, 256);
-    let reference = reference();
+    let reference = sample_reference();
     for preset in [Preset::Fast, Preset::Balanced] {
         let rel_l2_of = |factor: f32, seed: u64| {
             let mut picture = picture(&frame, factor, &Settings::of(preset, seed), None);

@@ -2,7 +2,6 @@
 
 use super::steps::steps;
 use super::train::{Convolutions, EPSILON, Step, train};
-use crate::case::Case;
 use sspc_core::corrector;
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Exposure, Prepared};
@@ -14,6 +13,7 @@ use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
 use sspc_metrics::rel_l2;
+use sspc_testkit::case::Case;
 use sspc_train::backend::Backend;
 use sspc_train::fit::{noise_scaled_rate, objective};
 use sspc_train::preset::{Preset, Settings};
@@ -41,7 +41,7 @@ struct Setup {
 
 impl Setup {
     fn new() -> Self {
-        let case = Case::load("paper-preset").unwrap_or_else(|error| panic!("{error}"));
+        let case = Case::named("paper-preset");
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/sample");
         let files = FrameFiles::halves(root.join("a.exr"), root.join("b.exr"));
         let frame = read_frame(&files, &RoleOverrides::none()).expect("the sample frame");
@@ -97,7 +97,7 @@ fn the_same_fit_is_timed_in_pytorch_and_here() {
     let threads = std::env::var("RAYON_NUM_THREADS").unwrap_or_else(|_| "1".into());
     rayon::ThreadPoolBuilder::new().num_threads(threads.parse().expect("threads")).build_global().expect("threads");
     let setup = Setup::new();
-    let case = crate::case::root().join(&setup.case.name);
+    let case = sspc_testkit::case::root().join(&setup.case.name);
     let output = Command::new(python)
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference-py"))
         .args(["-m", "sspc_reference", "--threads", &threads, "time", "--plan"])

@@ -1,7 +1,6 @@
 //! Twenty steps on a small frame, in both forms, on every backend.
 
 use super::train::{BACKENDS, Convolutions, Step, train};
-use crate::case::Case;
 use sspc_core::objective::{HalfObjective, Objective, RELATIVE_FLOOR, relative_weight, triple};
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
@@ -9,6 +8,7 @@ use sspc_kernels::gc::Taps;
 use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::windows::FeaturePlanes;
+use sspc_testkit::case::Case;
 use sspc_train::backend::Backend;
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ struct Setup {
 
 impl Setup {
     fn new(form: Form) -> Self {
-        let case = Case::load("training").unwrap_or_else(|error| panic!("{error}"));
+        let case = Case::named("training");
         let shape = Shape::paper(form);
         let (height, width) = case.size("features_a");
         let halves = ["features_a", "features_b"].map(|key| {

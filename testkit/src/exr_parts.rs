@@ -1,5 +1,4 @@
 //! Small OpenEXR files, written part by part.
-#![allow(dead_code)]
 
 use exr::compression::Compression;
 use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer, Layers};

@@ -3,17 +3,13 @@
 use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_reference};
 use sspc_image::{Buffer, Image, Role};
 use sspc_metrics::rel_l2;
-use std::path::PathBuf;
+use sspc_testkit::frames::data;
 
 /// relL2 of the files, computed once by a separate reading of the definition in another language.
 const NOISY: f64 = 0.013_776_599_29;
 const DENOISED: f64 = 0.001_851_655_15;
 /// Both sum in f64; only the order of terms and the digits written above differ.
 const SAME: f64 = 1e-8;
-
-fn data(folder: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data").join(folder)
-}
 
 #[test]
 fn the_sample_is_complete() {

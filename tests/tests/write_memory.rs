@@ -1,15 +1,15 @@
 //! Writing a picture into a copy of a file takes memory for some rows of the file, however many channels it has.
 //! One test in a program of its own: the allocator counts whatever runs at the same time.
 
-#[path = "common/peak.rs"]
-mod peak;
-
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer};
 use exr::meta::header::LayerAttributes;
 use exr::prelude::WritableImage;
-use peak::peak_of;
 use sspc_frames::{read_picture, write_corrected};
 use sspc_image::Image;
+use sspc_testkit::peak::{PeakAlloc, peak_of};
+
+#[global_allocator]
+static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 const HEIGHT: usize = 512;
 const WIDTH: usize = 1024;
@@ -33,7 +33,7 @@ fn many_channels_do_not_take_more_memory() {
     }
     let picture = Image::from_fn(3, HEIGHT, WIDTH, |c, y, x| (c * 7 + y * 3 + x) as f32);
     let out = folder.path().join("out.exr");
-    let (written, peak) = peak_of(|| write_corrected(&out, &template, &[], &picture, &[]));
+    let (written, peak) = peak_of(&ALLOCATOR, || write_corrected(&out, &template, &[], &picture, &[]));
     written.expect("written");
     assert!(peak < BOUND, "{peak} bytes");
     assert_eq!(read_picture(&out, None).expect("picture"), picture);

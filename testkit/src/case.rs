@@ -1,14 +1,15 @@
-//! Reads a case folder: `io.npz` and `case.json`. A case that is not what its reader asks for is an
-//! error that says so, never a test that silently compares less.
+//! Reads the parity cases that the PyTorch reference made (`tests/cases`): `io.npz` and `case.json`. A case that is not
+//! what its reader asks for is an error that says so, never a test that silently compares less.
 
 use npyz::npz::NpzArchive;
 use serde_json::Value;
+use sspc_image::Image;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Where the committed cases are.
 pub fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("cases")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases")
 }
 
 /// One array of a case; float32 and int32 arrays are widened without loss.
@@ -19,6 +20,27 @@ pub struct Array {
 }
 
 impl Array {
+    /// Values as they lie in planes `[C, H, W]`.
+    pub fn of_image(image: &Image) -> Self {
+        let shape = vec![image.channels(), image.height(), image.width()];
+        Self { shape, values: image.data().iter().map(|&v| f64::from(v)).collect() }
+    }
+
+    /// Values of one axis.
+    pub fn flat(values: &[f32]) -> Self {
+        Self { shape: vec![values.len()], values: values.iter().map(|&v| f64::from(v)).collect() }
+    }
+
+    /// Values of three axes, or entry `index` of four, as planes `[C, H, W]`.
+    ///
+    /// # Panics
+    /// When there are other axes.
+    pub fn image(&self, index: usize) -> Image {
+        let &[.., channels, height, width] = &self.shape[..] else { panic!("planes of shape {:?}", self.shape) };
+        let size = channels * height * width;
+        Image::from_planes(channels, height, width, self.f32()[index * size..][..size].to_vec())
+    }
+
     /// The values as f32: exact for inputs, rounded once for results.
     pub fn f32(&self) -> Vec<f32> {
         self.values.iter().map(|&v| v as f32).collect()
@@ -72,6 +94,11 @@ impl Case {
         Ok(Self { name, facts, arrays })
     }
 
+    /// The committed case `name`, for tests: the error is the panic's text.
+    pub fn named(name: &str) -> Self {
+        Self::load(name).unwrap_or_else(|error| panic!("{error}"))
+    }
+
     /// All committed cases of one kind.
     pub fn of_kind(kind: &str) -> Vec<Case> {
         let folders = std::fs::read_dir(root()).expect("tests/cases");
@@ -105,6 +132,12 @@ impl Case {
     /// As [`Self::array`], for tests: the error is the panic's text.
     pub fn get(&self, key: &str, shape: &[usize]) -> &Array {
         self.array(key, shape).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Array `key` of whatever shape, finite, for tests.
+    pub fn any(&self, key: &str) -> &Array {
+        let shape = self.arrays.get(key).map(|array| array.shape.clone()).unwrap_or_default();
+        self.get(key, &shape)
     }
 
     /// Height and width of array `key`.

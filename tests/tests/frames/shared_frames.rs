@@ -1,10 +1,10 @@
 //! The reader on whole renders of several renderers and layouts. The frames lie beside the repository and are
 //! not needed: without them every test says that it was skipped.
 
-use sspc_frames::checks::{halves_correlation, neighbour_correlation};
 use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_picture, read_reference};
 use sspc_image::{Buffer, Role};
 use sspc_metrics::rel_l2;
+use sspc_testkit::skips::skipped;
 use std::path::PathBuf;
 
 fn frames(folder: &str) -> Option<PathBuf> {
@@ -12,7 +12,7 @@ fn frames(folder: &str) -> Option<PathBuf> {
     if path.is_dir() {
         return Some(path);
     }
-    eprintln!("skipped: no frames of '{folder}' beside the repository");
+    skipped(folder, "no such frames beside the repository");
     None
 }
 
@@ -41,11 +41,6 @@ fn halves_with_layers_are_read_unasked() {
         assert!(close(found, noisy), "{folder} {name}: noisy {found} instead of {noisy}");
         let found = rel_l2(frame.denoised.as_ref().expect("denoised"), &reference).value;
         assert!(close(found, denoised), "{folder} {name}: denoised {found} instead of {denoised}");
-        println!(
-            "{folder} {name}: correlation of halves {:?}, of neighbours {:?}",
-            halves_correlation(&frame),
-            neighbour_correlation(&frame.a.radiance, &frame.b.radiance)
-        );
     }
 }
 
@@ -68,8 +63,6 @@ fn blenders_parts_are_read_unasked() {
         "ViewLayer.Denoising Normal.X,ViewLayer.Denoising Normal.Y,ViewLayer.Denoising Normal.Z"
     );
     assert_eq!(named(Role::Denoised, Buffer::Full), "R,G,B");
-    println!("{:?}", frame.warnings);
-    println!("halves {:?}", halves_correlation(&frame));
     assert!(frame.warnings.iter().any(|line| line.contains("no visibility")));
     assert_eq!((frame.width(), frame.height()), (320, 180));
 }

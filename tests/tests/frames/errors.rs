@@ -1,10 +1,8 @@
 //! What is wrong with a frame is said in one line that names file, role, expected and found.
 
-mod common;
-
-use common::{H, HALF, Part, W, write_file, write_halves, write_parts};
 use sspc_frames::error::{Error, ErrorKind};
 use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_picture, read_reference};
+use sspc_testkit::exr_parts::{H, HALF, Part, W, write_file, write_halves, write_parts};
 use std::path::{Path, PathBuf};
 
 fn error_of(files: &FrameFiles) -> Error {

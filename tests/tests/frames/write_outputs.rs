@@ -1,8 +1,5 @@
 //! Outputs keep what they were made from, appear whole or not at all, and never touch an input.
 
-mod common;
-
-use common::{H, HALF, Part, W, value, write_file, write_parts};
 use exr::compression::Compression;
 use exr::image::{FlatImage, FlatSamples};
 use exr::meta::attribute::{AttributeValue, Text};
@@ -10,6 +7,7 @@ use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::error::{Error, ErrorKind};
 use sspc_frames::{atomic_write, read_picture, write_corrected};
 use sspc_image::Image;
+use sspc_testkit::exr_parts::{H, HALF, Part, W, value, write_file, write_parts};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

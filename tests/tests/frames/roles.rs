@@ -1,11 +1,9 @@
 //! Which channel fills which role, for the names that renderers write.
 
-mod common;
-
-use common::{H, HALF, Part, W, value, write_file, write_halves, write_parts};
 use sspc_frames::error::Error;
 use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_picture, read_reference};
 use sspc_image::{Buffer, Frame, Role};
+use sspc_testkit::exr_parts::{H, HALF, Part, W, value, write_file, write_halves, write_parts};
 use std::path::Path;
 
 fn read(files: &FrameFiles, overrides: &[&str]) -> Result<Frame, Error> {

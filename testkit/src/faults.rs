@@ -1,6 +1,7 @@
 //! What can happen to a program from outside: it is killed, interrupted, nobody reads what it says, its disk is full,
 //! its folder may not be written to.
 
+use crate::skips::skipped;
 use sspc_core::rng::Rng;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
@@ -197,6 +198,6 @@ pub fn bound_by_permissions(folder: &Path, command: &Command) -> Option<Command>
     if binds(touch) && powerless().arg("true").status().is_ok_and(|status| status.success()) {
         return Some(again(powerless()));
     }
-    eprintln!("skipped: nothing binds this user to permissions (root, without setpriv)");
+    skipped("a folder that may not be written to", "nothing binds this user to permissions (root, without setpriv)");
     None
 }

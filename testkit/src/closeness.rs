@@ -1,8 +1,9 @@
 //! Compares planes with the reference and says how many values differ, the first and the worst, and
 //! leaves an error map; measures the smallest perturbation that a comparison catches.
 
-use super::case::Array;
+use crate::case::Array;
 use sspc_frames::preview::{Rgb8, write_png};
+use sspc_image::Image;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -18,6 +19,8 @@ pub enum Relative<'a> {
     /// One magnitude for the whole array: gradients are sums of terms of both signs, and a small one
     /// next to large ones keeps the rounding of those.
     ToScale(f64),
+    /// Each value's own magnitude, or the mean magnitude of its plane `[H, W]` where that is larger.
+    ToPlanes,
 }
 
 /// The largest magnitude of an array.
@@ -88,7 +91,28 @@ pub fn assert_close(stage: &str, expected: &Array, found: &[f32], relative: Rela
     compare(stage, expected, found, relative, tolerance).unwrap_or_else(|mismatch| panic!("{mismatch}"))
 }
 
+/// Compares flat values, relative to the largest expected one.
+pub fn assert_values_close(stage: &str, expected: &[f32], found: &[f32], tolerance: f64) {
+    let expected = Array::flat(expected);
+    assert_close(stage, &expected, found, Relative::ToScale(largest(&expected)), tolerance);
+}
+
+/// Compares pictures of one size, [`Relative::ToPlanes`].
+pub fn assert_images_close(found: &Image, expected: &Image, tolerance: f64, stage: &str) {
+    assert!(found.same_size(expected) && found.channels() == expected.channels(), "{stage}: size");
+    assert_close(stage, &Array::of_image(expected), found.data(), Relative::ToPlanes, tolerance);
+}
+
+/// Mean magnitude of every plane `[H, W]`.
+fn means_of_planes(array: &Array) -> Vec<f64> {
+    let &[.., height, width] = &array.shape[..] else { panic!("no planes in shape {:?}", array.shape) };
+    let mean = |plane: &[f64]| plane.iter().map(|v| v.abs()).sum::<f64>() / plane.len() as f64;
+    array.values.chunks_exact((height * width).max(1)).map(mean).collect()
+}
+
 fn relative_errors(expected: &Array, found: &[f32], relative: Relative) -> Vec<f64> {
+    let means = matches!(relative, Relative::ToPlanes).then(|| means_of_planes(expected)).unwrap_or_default();
+    let pixels = expected.values.len() / means.len().max(1);
     let pairs = expected.values.iter().zip(found).enumerate();
     pairs
         .map(|(i, (e, f))| {
@@ -96,6 +120,7 @@ fn relative_errors(expected: &Array, found: &[f32], relative: Relative) -> Vec<f
                 Relative::ToEach { floor } => e.abs().max(floor),
                 Relative::ToTerms { magnitude } => e.abs().max(0.1 * magnitude[i]),
                 Relative::ToScale(scale) => scale,
+                Relative::ToPlanes => e.abs().max(means[i / pixels]),
             };
             let error = (f64::from(*f) - e).abs();
             if error == 0.0 { 0.0 } else { error / scale }
@@ -128,9 +153,16 @@ fn error_map(stage: &str, expected: &Array, errors: &[f64], tolerance: f64) -> O
     });
     let picture = Rgb8 { width, height, data: colours.collect() };
     let name: String = stage.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
+    let path = scratch().join(format!("{name}.png"));
     write_png(&path, &[], &picture).ok()?;
     Some(path)
+}
+
+/// Where tests leave what people may look at: `tmp` of cargo's target folder, which it makes for them.
+pub fn scratch() -> PathBuf {
+    // target/PROFILE/deps/TEST
+    let beside = std::env::current_exe().ok().and_then(|test| Some(test.ancestors().nth(3)?.join("tmp")));
+    beside.filter(|folder| folder.is_dir()).unwrap_or_else(std::env::temp_dir)
 }
 
 /// A perturbation that every parity test must catch: one part in a thousand.
