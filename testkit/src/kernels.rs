@@ -2,7 +2,7 @@
 
 use sspc_core::objective::{Objective, PixelLoss, Scratch, Tile};
 use sspc_image::Image;
-use sspc_kernels::gc::{self, Given, ParameterPlanes, Taps};
+use sspc_kernels::gc::{Correction, Given, ParameterPlanes, Taps};
 use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes};
 use sspc_kernels::parameters::{Form, activate};
 use sspc_kernels::region::Region;
