@@ -82,18 +82,8 @@ impl FrameStats {
     /// The same with only those features that a model was `fitted` with: weights of others were
     /// never trained.
     pub fn with_features_of(self, fitted: FeatureSet) -> Self {
-        let FeatureSet { albedo, normal, visibility } = self.set;
-        let set = FeatureSet {
-            albedo: albedo && fitted.albedo,
-            normal: normal && fitted.normal,
-            visibility: visibility && fitted.visibility,
-        };
-        Self { set, ..self }
+        Self { set: self.set.intersection(fitted), ..self }
     }
-}
-
-fn feature_set([albedo, normal, visibility]: [bool; 3]) -> FeatureSet {
-    FeatureSet { albedo, normal, visibility }
 }
 
 /// Features of which no pixel is finite in both halves. Were they taken for what they claim to be,
@@ -104,12 +94,12 @@ pub fn unusable_features(frame: &Frame) -> FeatureSet {
 
 /// Features that either half has.
 pub(crate) fn present_features(frame: &Frame) -> FeatureSet {
-    feature_set(Role::FEATURES.map(|feature| frame.has(feature)))
+    FeatureSet::of(|feature| frame.has(feature))
 }
 
 /// Features of which some pixel is finite wherever they are.
 pub(crate) fn usable_features(frame: &Frame) -> FeatureSet {
-    feature_set(Role::FEATURES.map(|feature| frame.has_finite(feature)))
+    FeatureSet::of(|feature| frame.has_finite(feature))
 }
 
 /// 1 where a pixel counts, 0 where a role but the unusable ones holds NaN or Inf, `[1, H, W]`.
@@ -128,15 +118,8 @@ pub(crate) fn validity(frame: &Frame, unusable: FeatureSet) -> Image {
 
 /// The images of a half that decide which pixels are missing.
 fn images(h: &HalfBuffer, unusable: FeatureSet) -> impl Iterator<Item = &Image> {
-    [
-        Some(&h.radiance),
-        Some(&h.denoised),
-        h.albedo.as_ref().filter(|_| !unusable.albedo),
-        h.normal.as_ref().filter(|_| !unusable.normal),
-        h.visibility.as_ref().filter(|_| !unusable.visibility),
-    ]
-    .into_iter()
-    .flatten()
+    let features = FeatureSet::ALL.without(unusable).iter().filter_map(|role| h.feature(role));
+    [&h.radiance, &h.denoised].into_iter().chain(features)
 }
 
 /// The images whose negative values are clamped.
@@ -197,7 +180,8 @@ impl Collector {
 
     fn finish(self) -> FrameStats {
         let unusable = self.found.unusable;
-        let set = feature_set(self.features.map(|variation| variation.varies)).without(unusable);
+        let [albedo, normal, visibility] = self.features.map(|variation| variation.varies);
+        let set = FeatureSet { albedo, normal, visibility }.without(unusable);
         let exposure = match self.exposure {
             Exposure::AsIs => 1.0,
             Exposure::Normalised => normalised_exposure(self.means),

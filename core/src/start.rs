@@ -2,12 +2,12 @@
 
 use crate::rng::Rng;
 use sspc_kernels::network::{KERNEL, Network, Shape};
-use sspc_kernels::parameters::{BANDWIDTHS, CENTRE, GATE, SLOPES};
+use sspc_kernels::parameters::{ACTIVATION_FLOOR, BANDWIDTH_COUNT, BANDWIDTHS, CENTRE, DENOISED_SLOPES, GATE};
 
 /// Parameters of g_c at the analytic start: g_c ≈ z + smoothed (y - z), before any training.
 const START_SLOPE_DENOISED: f64 = 0.9;
 /// In the order ρ, n, v, y, z.
-const START_BANDWIDTHS: [f64; 5] = [30.0, 4.0, 1.0, 0.5, 5.0];
+const START_BANDWIDTHS: [f64; BANDWIDTH_COUNT] = [30.0, 4.0, 1.0, 0.5, 5.0];
 const START_CENTRE: f64 = 1.0;
 /// The last layer's weights against their usual size, so that biases decide at first.
 const START_LAST_LAYER: f32 = 0.1;
@@ -41,10 +41,12 @@ pub fn analytic(shape: Shape, gate: f64, rng: &mut Rng) -> Network {
 /// The output whose activation is the start's parameter `channel`.
 fn start_output(channel: usize, gate: f64) -> f64 {
     match channel {
-        SLOPES..3 => START_SLOPE_DENOISED.atanh(),
-        3..BANDWIDTHS => 0.0,
-        BANDWIDTHS..CENTRE => inverse_softplus((1.0 / START_BANDWIDTHS[channel - BANDWIDTHS] - 1e-4).sqrt()),
-        CENTRE => inverse_softplus(START_CENTRE - 1e-4),
+        0..DENOISED_SLOPES => START_SLOPE_DENOISED.atanh(),
+        DENOISED_SLOPES..BANDWIDTHS => 0.0,
+        BANDWIDTHS..CENTRE => {
+            inverse_softplus((1.0 / START_BANDWIDTHS[channel - BANDWIDTHS] - ACTIVATION_FLOOR).sqrt())
+        }
+        CENTRE => inverse_softplus(START_CENTRE - ACTIVATION_FLOOR),
         GATE => (gate / (1.0 - gate)).ln(),
         _ => 0.0,
     }

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod display;
+mod epsilon;
 mod frame;
 mod image;
 mod role;
@@ -9,6 +10,7 @@ mod rows;
 mod shown;
 
 pub use display::display;
+pub use epsilon::REL_L2_EPSILON;
 pub use frame::{Frame, HalfBuffer, Reference, RoleSource};
 pub use image::Image;
 pub use role::{Buffer, Role};

@@ -35,7 +35,17 @@ impl Role {
     /// The optional features.
     pub const FEATURES: [Role; 3] = [Role::Albedo, Role::Normal, Role::Visibility];
 
-    /// Its name on command lines and in reports.
+    /// The role with this [`Role::name`].
+    pub fn named(name: &str) -> Option<Role> {
+        Role::ALL.into_iter().find(|role| role.name() == name)
+    }
+
+    /// Channels of an image of this role.
+    pub fn channels(self) -> usize {
+        if self == Role::Visibility { 1 } else { 3 }
+    }
+
+    /// Its name on command lines, in models and in reports.
     pub fn name(self) -> &'static str {
         match self {
             Role::Radiance => "radiance",

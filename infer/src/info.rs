@@ -7,9 +7,7 @@ use sspc_core::composition::Composition;
 use sspc_core::frame_stats::Exposure;
 use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_kernels::parameters::Form;
-use sspc_onnx::{
-    ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind, parameter_names,
-};
+use sspc_onnx::{ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind};
 use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
@@ -49,7 +47,7 @@ fn describe(model: &Model, kind: GraphKind) -> String {
             ),
         ),
         ("inputs", CHANNEL_NAMES.join(", ")),
-        ("parameters", parameter_names(c.form).join(", ")),
+        ("parameters", c.form.parameter_names().join(", ")),
         ("activations", ACTIVATIONS.into()),
         ("borders", PADDING.into()),
         ("window", format!("{0}x{0} pixels, radius {1}", 2 * c.window_radius + 1, c.window_radius)),
@@ -104,7 +102,5 @@ fn exposure_name(exposure: Exposure) -> &'static str {
 }
 
 fn feature_words(set: FeatureSet) -> String {
-    let named = [("albedo", set.albedo), ("normal", set.normal), ("visibility", set.visibility)];
-    let used: Vec<&str> = named.iter().filter(|(_, used)| *used).map(|(name, _)| *name).collect();
-    if used.is_empty() { "none".into() } else { used.join(", ") }
+    if set == FeatureSet::NONE { "none".into() } else { set.names(", ") }
 }

@@ -11,6 +11,8 @@ use crate::simd::{Isa, Kernel, Simd, dispatch};
 
 /// First slope of z; those of ρ and n follow.
 pub const SLOPES: usize = 0;
+/// Slopes of z.
+pub const DENOISED_SLOPES: usize = 3;
 /// Slopes in all.
 pub const SLOPE_COUNT: usize = 9;
 /// First bandwidth, in the order ρ, n, v, y, z.
@@ -23,7 +25,28 @@ pub const CENTRE: usize = 14;
 pub const GATE: usize = 15;
 
 /// Smallest softplus(o)² of a bandwidth and smallest centre weight.
-const FLOOR: f32 = 1e-4;
+pub const ACTIVATION_FLOOR: f64 = 1e-4;
+const FLOOR: f32 = ACTIVATION_FLOOR as f32;
+
+/// Names of the gated form's parameters, in order; the paper's form has the first 15.
+const NAMES: [&str; 16] = [
+    "beta_z.R",
+    "beta_z.G",
+    "beta_z.B",
+    "beta_rho.R",
+    "beta_rho.G",
+    "beta_rho.B",
+    "beta_n.X",
+    "beta_n.Y",
+    "beta_n.Z",
+    "gamma_rho",
+    "gamma_n",
+    "gamma_v",
+    "gamma_y",
+    "gamma_z",
+    "tau",
+    "gate",
+];
 
 /// Which corrector the parameters belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -42,6 +65,11 @@ impl Form {
             Form::Paper => 15,
             Form::Gated => 16,
         }
+    }
+
+    /// Names of the parameters, in order, as the model contract states them.
+    pub fn parameter_names(self) -> &'static [&'static str] {
+        &NAMES[..self.parameters()]
     }
 
     /// The form that has `parameters` per pixel.
@@ -192,10 +220,10 @@ pub fn activation_f64(channel: usize, o: f64) -> (f64, f64) {
     match channel {
         0..SLOPE_COUNT => (o.tanh(), 4.0 * bell(2.0 * o)),
         BANDWIDTHS..CENTRE => {
-            let value = 1.0 / (softplus * softplus + 1e-4);
+            let value = 1.0 / (softplus * softplus + ACTIVATION_FLOOR);
             (value, -2.0 * softplus * sigmoid * value * value)
         }
-        CENTRE => (softplus + 1e-4, sigmoid),
+        CENTRE => (softplus + ACTIVATION_FLOOR, sigmoid),
         _ => (sigmoid, bell(o)),
     }
 }

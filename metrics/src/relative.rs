@@ -1,9 +1,7 @@
 //! Errors relative to the reference's own brightness, on radiance.
 
-use sspc_image::{Image, Reference};
+use sspc_image::{Image, REL_L2_EPSILON, Reference};
 
-/// Added to the squared channel mean so that black does not divide by zero (Rousselle et al. 2011).
-pub const REL_L2_EPSILON: f64 = 0.01;
 /// Below this sum of magnitudes SMAPE counts two values as equal.
 const SMAPE_TINY: f64 = 1e-12;
 

@@ -12,26 +12,6 @@ use std::collections::BTreeMap;
 /// channel order, activations, exposure rule, window, meaning of an output.
 pub const CONTRACT_VERSION: u32 = 1;
 
-/// The parameters of the gated form, in order; the paper's form has the first 15.
-const PARAMETER_NAMES: [&str; 16] = [
-    "beta_z.R",
-    "beta_z.G",
-    "beta_z.B",
-    "beta_rho.R",
-    "beta_rho.G",
-    "beta_rho.B",
-    "beta_n.X",
-    "beta_n.Y",
-    "beta_n.Z",
-    "gamma_rho",
-    "gamma_n",
-    "gamma_v",
-    "gamma_y",
-    "gamma_z",
-    "tau",
-    "gate",
-];
-
 /// Most convolutions that the reader accepts: far more than are useful.
 pub const MAX_LAYERS: usize = 32;
 /// Largest sizes that the kernels support.
@@ -59,11 +39,6 @@ at 0; the picture divided by the scale; albedo, visibility and normal as rendere
 constant features 0"
         }
     }
-}
-
-/// Names of the parameter channels of a form, in order.
-pub fn parameter_names(form: Form) -> &'static [&'static str] {
-    &PARAMETER_NAMES[..form.parameters()]
 }
 
 /// The form's name in a file's metadata.

@@ -5,6 +5,7 @@ use crate::messages::data_type;
 use crate::model::Model;
 use crate::network_graph::{activated_parts, encode, planes};
 use crate::window_sum::add_window_sums;
+use sspc_image::Role;
 use sspc_kernels::gc::WEIGHT_FLOOR;
 use sspc_kernels::parameters::Form;
 
@@ -39,8 +40,8 @@ pub fn write_image(model: &Model) -> Vec<u8> {
 }
 
 fn declare(graph: &mut GraphBuilder) {
-    for (name, channels) in [("radiance", 3), ("denoised", 3), ("albedo", 3), ("visibility", 1), ("normal", 3)] {
-        graph.input(name, data_type::FLOAT, &planes(channels));
+    for role in [Role::Radiance, Role::Denoised, Role::Albedo, Role::Visibility, Role::Normal] {
+        graph.input(role.name(), data_type::FLOAT, &planes(role.channels()));
     }
     graph.input("exposure", data_type::FLOAT, &[Dim::Size(1)]);
     let [_, channels, height, width] = planes(3);

@@ -13,9 +13,7 @@ mod network_graph;
 mod reader;
 mod window_sum;
 
-pub use contract::{
-    ACTIVATIONS, CONTRACT_VERSION, Contract, MAX_LAYERS, PADDING, exposure_rule, form_name, parameter_names,
-};
+pub use contract::{ACTIVATIONS, CONTRACT_VERSION, Contract, MAX_LAYERS, PADDING, exposure_rule, form_name};
 pub use error::{Error, FileError};
 pub use image_graph::write_image;
 pub use model::Model;

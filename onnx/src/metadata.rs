@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::messages::StringStringEntryProto;
 use sspc_core::composition::Composition;
 use sspc_core::prepare::Exposure;
-use sspc_image::shown;
+use sspc_image::{Role, shown};
 use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_kernels::network::Shape;
 use sspc_kernels::parameters::Form;
@@ -24,7 +24,7 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
         ("contract", CONTRACT_VERSION.to_string()),
         ("form", form_name(*form).to_string()),
         ("input_channels", CHANNEL_NAMES.join(",")),
-        ("output_channels", parameter_names(*form).join(",")),
+        ("output_channels", form.parameter_names().join(",")),
         ("activations", ACTIVATIONS.to_string()),
         ("exposure", exposure_name(contract.exposure).to_string()),
         ("exposure_rule", exposure_rule(contract.exposure).to_string()),
@@ -33,7 +33,7 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
         ("composition", composition_name(contract.composition).to_string()),
         ("hidden_channels", shape.hidden.to_string()),
         ("convolutions", shape.layers.to_string()),
-        ("features", feature_names(*features)),
+        ("features", features.names(",")),
         ("seed", contract.seed.to_string()),
         ("steps", contract.steps.to_string()),
         ("preset", contract.preset.clone()),
@@ -64,7 +64,7 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
         found => return Err(key_error("form", "`paper` or `gated`", found)),
     };
     entries.same("input_channels", &CHANNEL_NAMES.join(","))?;
-    entries.same("output_channels", &parameter_names(form).join(","))?;
+    entries.same("output_channels", &form.parameter_names().join(","))?;
     entries.same("activations", ACTIVATIONS)?;
     let exposure = match entries.text("exposure")? {
         "as-is" => Exposure::AsIs,
@@ -112,11 +112,6 @@ fn composition_name(composition: Composition) -> &'static str {
     }
 }
 
-fn feature_names(features: FeatureSet) -> String {
-    let names = [("albedo", features.albedo), ("normal", features.normal), ("visibility", features.visibility)];
-    names.iter().filter(|(_, used)| *used).map(|(name, _)| *name).collect::<Vec<_>>().join(",")
-}
-
 fn key_error(key: &str, expected: impl Into<String>, found: &str) -> Error {
     Error::Key { key: format!("{PREFIX}{key}"), expected: expected.into(), found: shown(found) }
 }
@@ -156,14 +151,11 @@ impl<'a> Entries<'a> {
 
     fn features(&self) -> Result<FeatureSet, Error> {
         let text = self.text("features")?;
-        let mut features = FeatureSet { albedo: false, normal: false, visibility: false };
+        let mut features = FeatureSet::NONE;
         for name in text.split(',').filter(|name| !name.is_empty()) {
-            match name {
-                "albedo" => features.albedo = true,
-                "normal" => features.normal = true,
-                "visibility" => features.visibility = true,
-                _ => return Err(key_error("features", "albedo, normal, visibility", text)),
-            }
+            let role = Role::FEATURES.into_iter().find(|role| role.name() == name);
+            let role = role.ok_or_else(|| key_error("features", FeatureSet::ALL.names(", "), text))?;
+            features = features.union(FeatureSet::of(|feature| feature == role));
         }
         Ok(features)
     }

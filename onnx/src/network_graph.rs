@@ -6,11 +6,9 @@ use crate::metadata;
 use crate::model::{Model, layer_name};
 use prost::Message;
 use sspc_kernels::features::FEATURE_CHANNELS;
-use sspc_kernels::parameters::Form;
+use sspc_kernels::parameters::{ACTIVATION_FLOOR, BANDWIDTH_COUNT, Form, SLOPE_COUNT};
 
 pub(crate) const NETWORK_GRAPH: &str = "sspc_network";
-/// Keeps gamma finite and tau above 0 (method, activations).
-const ACTIVATION_FLOOR: f32 = 1e-4;
 /// All operators used are in opset 17, which engines since 2022 read.
 const OPSET: i64 = 17;
 const IR_VERSION: i64 = 8;
@@ -42,14 +40,14 @@ pub(crate) fn activated_parts(graph: &mut GraphBuilder, model: &Model, features:
     let raw = convolutions(graph, model, features);
     let gated = model.contract.form == Form::Gated;
     let mut raw_parts = vec!["raw_beta", "raw_gamma", "raw_tau"];
-    let mut sizes = vec![9, 5, 1];
+    let mut sizes = vec![SLOPE_COUNT as i64, BANDWIDTH_COUNT as i64, 1];
     if gated {
         raw_parts.push("raw_gate");
         sizes.push(1);
     }
     graph.ints("parameter_groups", &[sizes.len()], &sizes);
     graph.node("Split", &[&raw, "parameter_groups"], &raw_parts, vec![int("axis", 1)]);
-    graph.floats("activation_floor", &[], &[ACTIVATION_FLOOR]);
+    graph.floats("activation_floor", &[], &[ACTIVATION_FLOOR as f32]);
 
     let beta = graph.op("Tanh", &["raw_beta"], "beta");
     let root = softplus(graph, "raw_gamma", "gamma_root");

@@ -6,11 +6,9 @@
 //! through them to the layers below.
 
 use sspc_kernels::network::{KERNEL, Network};
-use sspc_kernels::parameters::{SLOPE_COUNT, SLOPES};
+use sspc_kernels::parameters::{DENOISED_SLOPES, SLOPE_COUNT, SLOPES};
 use std::ops::Range;
 
-/// Slopes of z among the slopes.
-const DENOISED_SLOPES: usize = 3;
 /// tanh of this is 1 in f32: the difference, 2 e^-40, is far below half a unit in the last place.
 const SATURATED: f32 = 20.0;
 

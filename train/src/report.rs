@@ -105,12 +105,11 @@ pub struct Skipped {
 
 /// What a prepared frame lets the kernels leave out.
 pub fn skipped(prepared: &Prepared) -> Vec<Skipped> {
-    let FeatureSet { albedo, normal, visibility } = prepared.set;
-    let mut out: Vec<Skipped> = [("albedo", albedo), ("normal", normal), ("visibility", visibility)]
-        .into_iter()
-        .filter(|(_, used)| !used)
-        .map(|(what, _)| Skipped {
-            what: what.into(),
+    let mut out: Vec<Skipped> = FeatureSet::ALL
+        .without(prepared.set)
+        .iter()
+        .map(|role| Skipped {
+            what: role.name().into(),
             why: "absent, nowhere finite, or the same at every pixel".into(),
         })
         .collect();

@@ -18,4 +18,4 @@ pub use tile::{Mirror, Tile};
 pub use weight::{own_weight, relative_weight, triple, weight_of};
 
 /// Added to the squared mean radiance in every relative error.
-pub const RELATIVE_FLOOR: f32 = 0.01;
+pub const RELATIVE_FLOOR: f32 = sspc_image::REL_L2_EPSILON as f32;

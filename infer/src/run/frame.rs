@@ -117,8 +117,8 @@ fn say_what_was_read(shared: &Shared, job: &Job, frame: &ReadFrame) {
     frame.warnings.iter().for_each(|warning| output.say(&format!("{name}: note: {warning}")));
     let fitted = shared.engine.model().contract.features;
     let has = |role: Role| frame.roles.iter().any(|source| source.role == role);
-    for (role, used) in Role::FEATURES.into_iter().zip([fitted.albedo, fitted.normal, fitted.visibility]) {
-        if has(role) && !used {
+    for role in Role::FEATURES {
+        if has(role) && !fitted.has(role) {
             output.detail(&format!("  {role} is left out: the model was fitted without it"));
         }
     }

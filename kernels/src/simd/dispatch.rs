@@ -20,28 +20,17 @@ pub trait Kernel {
 /// # Panics
 /// When the machine lacks the instruction set.
 pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
+    assert!(isa.is_available(), "this machine has no {}", isa.name());
     match isa {
         #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => {
-            assert!(is_x86_feature_detected!("avx512f"), "this machine has no AVX-512F");
-            // SAFETY: the feature was checked on the line above.
-            unsafe { avx512::run(kernel) }
-        }
+        // SAFETY: the machine has it, as was checked above.
+        Isa::Avx512 => unsafe { avx512::run(kernel) },
         #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => {
-            assert!(
-                is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
-                "this machine has no AVX2 with FMA"
-            );
-            // SAFETY: the features were checked on the lines above.
-            unsafe { avx2::run(kernel) }
-        }
+        // SAFETY: the machine has it, as was checked above.
+        Isa::Avx2 => unsafe { avx2::run(kernel) },
         #[cfg(target_arch = "aarch64")]
         Isa::Neon => kernel.run(neon::Neon),
-        Isa::Portable => kernel.run(portable::Portable),
-        #[cfg(not(target_arch = "x86_64"))]
-        Isa::Avx512 | Isa::Avx2 => panic!("this machine has no {}", isa.name()),
-        #[cfg(not(target_arch = "aarch64"))]
-        Isa::Neon => panic!("this machine has no {}", isa.name()),
+        // Portable: the others are not available.
+        _ => kernel.run(portable::Portable),
     }
 }

@@ -16,20 +16,21 @@ pub enum Isa {
 impl Isa {
     /// The instruction sets this machine can run, widest first.
     pub fn available() -> Vec<Isa> {
-        let mut sets = Vec::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx512f") {
-                sets.push(Isa::Avx512);
-            }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                sets.push(Isa::Avx2);
-            }
+        [Isa::Avx512, Isa::Avx2, Isa::Neon, Isa::Portable].into_iter().filter(|isa| isa.is_available()).collect()
+    }
+
+    /// Whether this machine can run it.
+    pub fn is_available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => is_x86_feature_detected!("avx512f"),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            Isa::Neon => cfg!(target_arch = "aarch64"),
+            Isa::Portable => true,
+            #[cfg(not(target_arch = "x86_64"))]
+            Isa::Avx512 | Isa::Avx2 => false,
         }
-        #[cfg(target_arch = "aarch64")]
-        sets.push(Isa::Neon);
-        sets.push(Isa::Portable);
-        sets
     }
 
     /// The widest instruction set of this machine.
@@ -88,3 +89,20 @@ impl std::fmt::Display for UnknownIsa {
 }
 
 impl std::error::Error for UnknownIsa {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_instruction_set_is_known_by_its_name_alone() {
+        for isa in Isa::available() {
+            assert_eq!(Isa::named(isa.name()), Ok(isa));
+        }
+        for name in ["", "avx", "AVX2", "portable ", "sse2\n"] {
+            let error = Isa::named(name).expect_err("no such set").to_string();
+            assert!(error.starts_with("SSPC_ISA: expected ") && error.contains("portable, found"), "{error}");
+            assert!(!error.contains('\n'), "{error}");
+        }
+    }
+}
