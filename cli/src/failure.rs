@@ -31,6 +31,7 @@ pub enum Code {
 /// Why a command did not do what was asked.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
+    /// The exit code.
     pub code: Code,
     /// One line.
     pub message: String,

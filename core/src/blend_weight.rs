@@ -23,6 +23,7 @@ pub(crate) struct Evidence {
 }
 
 impl Evidence {
+    /// Evidence of corrected `halves`, `[3, H, W]` each, in the method's units.
     pub fn of(prepared: &Prepared, halves: &[Image; 2]) -> Self {
         let (height, width) = (prepared.height(), prepared.width());
         let weights = [0, 1].map(|h| own_weight(prepared, h));

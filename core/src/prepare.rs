@@ -96,10 +96,12 @@ impl Prepared {
         }
     }
 
+    /// Height in pixels.
     pub fn height(&self) -> usize {
         self.denoised.height()
     }
 
+    /// Width in pixels.
     pub fn width(&self) -> usize {
         self.denoised.width()
     }

@@ -11,6 +11,7 @@ use sspc_cli::failure::EXIT_CODES;
 #[derive(Debug, Parser)]
 #[command(name = "sspc-infer", version, after_help = EXIT_CODES)]
 pub struct Arguments {
+    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }

@@ -51,14 +51,19 @@ fn positive(text: &str) -> Result<f32, String> {
 /// Everything `--json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluation {
+    /// The picture's file.
     pub picture: PathBuf,
+    /// The reference's file.
     pub reference: PathBuf,
+    /// Width in pixels.
     pub width: usize,
+    /// Height in pixels.
     pub height: usize,
     /// The factor before the display curve.
     pub exposure: f32,
     /// Whether the reference's own noise was taken out of relL2.
     pub reference_noise_removed: bool,
+    /// The picture's figures.
     pub figures: Figures,
     /// The denoiser's, when it was given.
     pub denoised: Option<DenoisedEvaluation>,
@@ -67,7 +72,9 @@ pub struct Evaluation {
 /// The denoiser's picture beside the one measured.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DenoisedEvaluation {
+    /// The denoiser's file.
     pub picture: PathBuf,
+    /// Its figures.
     pub figures: Figures,
     /// relL2 of the picture over the denoiser's; `null` in JSON where the denoiser's is not above 0.
     pub rel_l2_ratio: f64,

@@ -10,6 +10,7 @@ use sspc_kernels::parameters::Form;
 use sspc_onnx::{ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind};
 use std::path::PathBuf;
 
+/// The arguments of `info`.
 #[derive(Clone, Debug, Args)]
 pub struct InfoArguments {
     /// A model that sspc-train wrote

@@ -323,3 +323,28 @@ fn a_model_that_changes_nothing_leaves_the_denoisers_picture_bit_for_bit() {
     let bits = |path: &Path| picture(path).data().iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
     assert!(bits(&folder.path().join("out/c.exr")) == bits(&full), "another picture");
 }
+
+/// Fails when a path that is not UTF-8 ends without figures, or with an empty sidecar.
+#[cfg(target_os = "linux")]
+#[test]
+fn figures_are_written_beside_a_picture_whose_name_is_not_utf8() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = shot();
+    let name = std::ffi::OsStr::from_bytes(b"caf\xe9.exr");
+    let done = command(folder.path(), &["a.0001.exr", "b.0001.exr", "--json", "-o"]).arg(name).output().expect("runs");
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let sidecar = folder.path().join(std::ffi::OsStr::from_bytes(b"caf\xe9.json"));
+    assert!(report(&sidecar)["estimate"]["corrected"]["value"].is_number());
+}
+
+/// Fails when a frame of a shot fails without its line of advice.
+#[test]
+fn a_frame_of_a_shot_that_fails_comes_with_advice() {
+    let folder = shot();
+    std::fs::write(folder.path().join("b.0002.exr"), "no picture").expect("a bad frame");
+    let done = run(folder.path(), &shot_arguments("1-3", &["--quiet"]));
+    assert_eq!(done.status.code(), Some(3));
+    let lines = stderr(&done);
+    let failed = lines.lines().position(|line| line.starts_with("error: frame 2")).expect("the frame is named");
+    assert!(lines.lines().nth(failed + 1).is_some_and(|line| line.starts_with("advice: ")), "{lines}");
+}

@@ -16,6 +16,7 @@ pub enum Backend {
 }
 
 impl Backend {
+    /// The device whose tensors the backend computes.
     pub fn device(self) -> Device {
         match self {
             Backend::Flex => Device::flex(),

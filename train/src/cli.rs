@@ -12,10 +12,12 @@ use std::path::PathBuf;
 #[derive(Debug, Parser)]
 #[command(name = "sspc-train", version, after_help = EXIT_CODES)]
 pub struct Cli {
+    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }
 
+/// What can be asked.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Fit the corrector to a frame (or several of a shot) and write the corrected picture.
@@ -73,6 +75,7 @@ pub enum Graph {
     Image,
 }
 
+/// The arguments of `export`.
 #[derive(Args, Debug)]
 pub struct ExportArgs {
     /// Folder of a fit, or a model.onnx.
@@ -81,6 +84,7 @@ pub struct ExportArgs {
     /// The ONNX file to write.
     #[arg(short, long, value_name = "X.onnx")]
     pub output: PathBuf,
+    /// Which graph
     #[arg(long, value_enum, default_value_t = Graph::Network)]
     pub graph: Graph,
 }

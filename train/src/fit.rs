@@ -38,10 +38,13 @@ impl Limits {
 pub struct StepRecord {
     /// From 1.
     pub step: usize,
+    /// Steps that were planned.
     pub of: usize,
     /// Mean loss of the step's tiles.
     pub loss: f64,
+    /// Learning rate.
     pub rate: f64,
+    /// Seconds from the start of training to the end of the step.
     pub seconds: f64,
 }
 
@@ -64,13 +67,17 @@ pub enum End {
 /// A fitted network and how it came about.
 #[derive(Clone, Debug)]
 pub struct Fitted {
+    /// The network.
     pub network: Network,
+    /// Every step.
     pub history: Vec<StepRecord>,
     /// Steps that were planned.
     pub planned: usize,
     /// Steps whose loss, gradient or weights were not finite: their update was left out.
     pub dropped: usize,
+    /// Why training ended.
     pub end: End,
+    /// Wall-clock seconds of training.
     pub seconds: f64,
 }
 

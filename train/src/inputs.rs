@@ -16,16 +16,21 @@ use sspc_kernels::features::FeatureSet;
 /// One frame of the fit: what is needed of it beside the features. The frame itself is gone once it is
 /// prepared, which halves the memory of a fit.
 pub struct Input {
+    /// What messages and the model call it.
     pub name: String,
     /// Number in a shot.
     pub frame_number: Option<u32>,
+    /// Its files.
     pub files: FrameFiles,
     /// Which channel filled which role, in the order read.
     pub roles: Vec<RoleSource>,
+    /// What a person should know.
     pub warnings: Vec<String>,
+    /// What was decided for the whole frame.
     pub stats: FrameStats,
     /// Features in use.
     pub features: FeatureSet,
+    /// What is left out, and why.
     pub skipped: Vec<Skipped>,
     /// The picture that the correction is added to, in the frame's units, `[3, H, W]`.
     pub denoised: Image,
@@ -35,6 +40,7 @@ pub struct Input {
     pub shown_exposure: f32,
     /// The mean of both halves' radiance, to look at.
     pub shown_noisy: Rgb8,
+    /// The reference, where one was given.
     pub reference: Option<Reference>,
     /// What the corrected picture is measured beside, where there is a reference.
     pub rivals: Option<Rivals>,

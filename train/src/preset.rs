@@ -83,13 +83,17 @@ pub enum Denominator {
 /// [`Objective::loss`]: sspc_core::objective::Objective::loss
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Influence {
+    /// At the first step.
     pub first: f32,
+    /// At the last.
     pub last: f32,
 }
 
 impl Influence {
+    /// No limit.
     pub const UNLIMITED: Influence = Influence::constant(f32::INFINITY);
 
+    /// One limit at every step.
     pub const fn constant(limit: f32) -> Self {
         Influence { first: limit, last: limit }
     }
@@ -118,6 +122,7 @@ pub struct Skip {
 }
 
 impl Skip {
+    /// Everything that needs no work is left out.
     pub const ALL: Skip = Skip { blocks: true, features: true };
 }
 
@@ -127,15 +132,23 @@ pub const LARGEST_RATE: f64 = 0.1;
 /// Everything that decides how a fit runs; in reports as it stands.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Settings {
+    /// The preset that the settings began as.
     pub preset: Preset,
+    /// Form of the parameters.
     pub form: Form,
+    /// Layers and channels of the network.
     #[serde(rename = "network")]
     pub shape: Shape,
+    /// Radius of g_c's window, pixels.
     #[serde(rename = "window_radius")]
     pub radius: usize,
+    /// How radiance is brought to the method's scale.
     pub exposure: Exposure,
+    /// The weights before the first step.
     pub start: Start,
+    /// g_c, or f_c.
     pub combination: Combination,
+    /// Which tiles a step sees.
     pub sampling: Sampling,
     /// Whether random tiles are mirrored in all eight ways: four otherwise, without the diagonal.
     pub diagonal: bool,
@@ -143,6 +156,7 @@ pub struct Settings {
     pub tile: usize,
     /// Tiles a step; of a grid, places, each of which gives a tile of both halves.
     pub batch: usize,
+    /// The learning rate over the steps.
     pub rate: Rate,
     /// Steps; for grids epochs decide instead.
     pub steps: usize,
@@ -164,10 +178,12 @@ pub struct Settings {
     /// Settings that are not the preset's own, KEY=VALUE.
     #[serde(rename = "changed")]
     pub changes: Vec<String>,
+    /// Seed of weights and tiles.
     pub seed: u64,
 }
 
 impl Settings {
+    /// The settings of a preset.
     pub fn of(preset: Preset, seed: u64) -> Self {
         let (steps, peak) = match preset {
             Preset::Fast => (80, 6e-3),

@@ -15,8 +15,11 @@ use sspc_metrics::rel_l2;
 /// relL2 against the reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct RelL2 {
+    /// The mean of both halves' noisy radiance.
     pub noisy: f64,
+    /// The denoiser's picture.
     pub denoised: f64,
+    /// The finished picture.
     pub corrected: f64,
     /// The best that any one mix of noisy and denoised could have done: the naive competitor.
     pub best_mix: Mix,
@@ -31,7 +34,9 @@ pub struct RelL2 {
 /// the finished picture differs by the full buffer's z.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct HalvesRelL2 {
+    /// Mean of the denoised halves.
     pub denoised: f64,
+    /// Mean of the corrected halves.
     pub corrected: f64,
 }
 
@@ -40,6 +45,7 @@ pub struct HalvesRelL2 {
 pub struct Mix {
     /// Share of the noisy picture, 0..1.
     pub share: f64,
+    /// Its relL2.
     pub rel_l2: f64,
 }
 
@@ -89,17 +95,24 @@ impl RelL2 {
 /// Wall-clock seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct FitSeconds {
+    /// Files to frames in the method's units.
     pub read: f64,
+    /// All steps.
     pub train: f64,
+    /// Network to picture.
     pub correct: f64,
+    /// Pictures and model to files.
     pub write: f64,
+    /// All of it.
     pub total: f64,
 }
 
 /// Something that was left out, and the measurement that justified it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Skipped {
+    /// What was left out.
     pub what: String,
+    /// The measurement that justified it.
     pub why: String,
 }
 
@@ -128,40 +141,64 @@ pub fn skipped(prepared: &Prepared) -> Vec<Skipped> {
 /// The whole report.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
+    /// Version of the program.
     pub version: String,
+    /// Preset of the command line.
     pub preset: Preset,
+    /// Seed of weights and tiles.
     pub seed: u64,
+    /// Burn backend.
     pub backend: String,
+    /// Instruction set of the kernels.
     pub instruction_set: &'static str,
+    /// Threads of the run.
     pub threads: usize,
+    /// Width in pixels.
     pub width: usize,
+    /// Height in pixels.
     pub height: usize,
+    /// What radiance was multiplied by.
     pub exposure: f32,
+    /// What the picture is made of.
     pub composition: Composition,
     /// Share of the judged correction that was asked for, 0..1.
     pub strength: f32,
+    /// Steps that were taken.
     pub steps: usize,
+    /// Steps whose update was left out, since something of it was not finite.
     pub steps_dropped: usize,
+    /// Why training ended.
     pub end: End,
+    /// Against the reference, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rel_l2: Option<RelL2>,
+    /// Self-supervised loss of both halves, the denoiser's and ours.
     pub loss: Losses,
+    /// Estimated relL2 of the mean of both halves.
     pub estimate: Estimate,
     /// Why the output is the denoiser's, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<String>,
     /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.
     pub mean_share: f64,
+    /// Where the time went.
     pub seconds: FitSeconds,
+    /// Milliseconds per training step.
     pub milliseconds_per_step: f64,
+    /// Most memory that the process held, where the system tells.
     pub peak_rss_bytes: Option<u64>,
+    /// Unusual pixels and features.
     pub found: Findings,
+    /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
+    /// What was left out, and why.
     pub skipped: Vec<Skipped>,
+    /// What a person should know.
     pub warnings: Vec<String>,
     /// Every setting, as training obeyed it.
     pub settings: Settings,
     /// Steps that were planned for this frame size, skips and visits considered.
     pub planned_steps: usize,
+    /// Every training step.
     pub history: Vec<StepRecord>,
 }

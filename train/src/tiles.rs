@@ -101,6 +101,7 @@ impl Schedule {
         self
     }
 
+    /// Steps of the whole training.
     pub fn steps(&self) -> usize {
         self.steps
     }

@@ -296,3 +296,68 @@ fn ctrl_c_ends_with_130_and_leaves_nothing() {
     assert_eq!(child.wait().expect("it ends").code(), Some(130));
     assert!(!out.exists(), "an interrupted fit leaves {}", out.display());
 }
+
+/// Fails when a setting is missing from the report, or told as a text that only Rust reads.
+#[test]
+fn the_report_holds_every_setting_as_data() {
+    let folder = folder();
+    let out = folder.path().join("fit");
+    assert_success(&fit(&out, &["--preset", "quality", "--set", "influence=inf"]));
+    let report = report(&out);
+    let settings = report["settings"].as_object().expect("settings");
+    for key in [
+        "preset",
+        "form",
+        "network",
+        "window_radius",
+        "exposure",
+        "start",
+        "combination",
+        "sampling",
+        "diagonal",
+        "tile",
+        "batch",
+        "rate",
+        "steps",
+        "steps_grow_from",
+        "epochs",
+        "denominator",
+        "influence",
+        "composition",
+        "features",
+        "skip",
+        "changed",
+        "seed",
+    ] {
+        assert!(settings.contains_key(key), "no {key} in {settings:?}");
+    }
+    assert_eq!(settings["rate"]["cosine"]["peak"], 0.004);
+    assert_eq!(settings["start"]["analytic"]["gate"], 0.7);
+    assert_eq!(settings["steps_grow_from"], 640 * 360);
+    assert!(settings["influence"].is_null());
+    assert_eq!(report["planned_steps"], 4);
+}
+
+/// Whatever `run` takes, `fit` takes: a shot whose files hold both halves each.
+#[test]
+fn a_shot_with_both_halves_in_one_file_can_be_fitted() {
+    use sspc_testkit::exr_parts::write_file;
+    let folder = folder();
+    let layers = ["R", "G", "B", "denoised.R", "denoised.G", "denoised.B"];
+    let names: Vec<String> = ["a", "b"].iter().flat_map(|half| layers.map(|layer| format!("{half}.{layer}"))).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    for frame in 1..=2 {
+        write_file(&folder.path().join(format!("both.{frame:04}.exr")), frame, &names);
+    }
+    let out = folder.path().join("fit");
+    let done = command()
+        .arg("fit")
+        .arg("--a")
+        .arg(folder.path().join("both.####.exr"))
+        .args(["--frames", "1-2", "--steps", "2", "-o"])
+        .arg(&out)
+        .output()
+        .expect("sspc-train starts");
+    assert_success(&done);
+    assert!(out.join("corrected.1.exr").exists() && out.join("corrected.2.exr").exists());
+}

@@ -36,6 +36,7 @@ impl Engine {
         Self { model, kernels, tile: tile.max(1), plans: Mutex::default(), first_tile: OnceLock::new() }
     }
 
+    /// The model that it runs.
     pub fn model(&self) -> &Model {
         &self.model
     }

@@ -31,30 +31,46 @@ pub struct FrameSeconds {
 /// Where the model comes from.
 #[derive(Clone, Debug, Serialize)]
 pub struct Origin {
+    /// The model's file.
     pub path: String,
+    /// Form of its parameters.
     pub form: Form,
+    /// What its picture is made of.
     pub composition: Composition,
+    /// Radius of g_c's window, pixels.
     pub window_radius: usize,
+    /// The frames that it was fitted on.
     pub frames: Vec<String>,
+    /// The preset of the fit.
     pub preset: String,
+    /// Steps of the fit.
     pub steps: u64,
+    /// Seed of the fit.
     pub seed: u64,
+    /// Program and version that fitted it.
     pub tool: String,
 }
 
 /// Everything `--json` writes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
+    /// Version of the program.
     pub version: &'static str,
+    /// Number in a shot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<u32>,
+    /// The picture's file.
     pub output: String,
     pub model: Origin,
+    /// Width in pixels.
     pub width: usize,
+    /// Height in pixels.
     pub height: usize,
     /// What radiance was multiplied by.
     pub exposure: f32,
+    /// Features that took part.
     pub features: FeatureSet,
+    /// Unusual pixels and features.
     pub found: Findings,
     /// Self-supervised loss of both halves, the denoiser's and ours.
     pub loss: Losses,
@@ -74,15 +90,22 @@ pub struct Report {
     pub mean_share: f64,
     /// Share of the pixels that were computed; the others show no noise.
     pub active_share: f64,
+    /// Instruction set of our kernels.
     pub instruction_set: &'static str,
+    /// Threads of the run.
     pub threads: usize,
+    /// Side of the network's tiles, pixels.
     pub tile: usize,
+    /// Where the time went.
     pub seconds: FrameSeconds,
     /// FrameSeconds from the start of the program to the first tile's parameters, of the run's first frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_tile_after: Option<f64>,
+    /// Most memory that the process has held so far, where the system tells.
     pub peak_rss_bytes: Option<u64>,
+    /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
+    /// What a person should know.
     pub warnings: Vec<String>,
 }
 
