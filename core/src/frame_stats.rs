@@ -43,6 +43,7 @@ pub struct FrameStats {
     pub set: FeatureSet,
     /// Whether some pixel's radiance is not the same in both halves, so that there is anything to correct.
     pub noisy: bool,
+    /// What was found on the way.
     pub found: Findings,
 }
 

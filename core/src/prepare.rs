@@ -96,10 +96,12 @@ impl Prepared {
         }
     }
 
+    /// Rows.
     pub fn height(&self) -> usize {
         self.denoised.height()
     }
 
+    /// Columns.
     pub fn width(&self) -> usize {
         self.denoised.width()
     }

@@ -1,12 +1,14 @@
 //! A small deterministic generator (SplitMix64, Steele et al. 2014): the same numbers for a seed on
 //! every machine, for any number of threads.
 
+/// The generator's state.
 #[derive(Clone, Debug)]
 pub struct Rng {
     state: u64,
 }
 
 impl Rng {
+    /// The generator of a seed.
     pub fn new(seed: u64) -> Self {
         Self { state: seed }
     }
@@ -20,6 +22,7 @@ impl Rng {
         Self::new(Self::new(self.state ^ stream.rotate_left(32)).next_u64())
     }
 
+    /// 64 random bits.
     pub fn next_u64(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.state;
