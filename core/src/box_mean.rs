@@ -58,8 +58,8 @@ fn window_sums(line: &[f32], radius: usize, suffix: &mut Vec<f64>, sums: &mut [f
     let mut prefix = 0.0;
     for (x, total) in sums.iter_mut().enumerate() {
         let last = x + 2 * radius;
-        prefix = if last % length == 0 { value(last) } else { prefix + value(last) };
-        *total = if x % length == 0 { suffix[x] } else { suffix[x] + prefix };
+        prefix = if last.is_multiple_of(length) { value(last) } else { prefix + value(last) };
+        *total = if x.is_multiple_of(length) { suffix[x] } else { suffix[x] + prefix };
     }
 }
 
