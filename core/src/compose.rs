@@ -1,5 +1,5 @@
 //! From parameters to the finished rows of a picture: both halves corrected, weighed against each other, and the
-//! correction added to the denoiser's picture where it helps ([`crate::blend_weight`]).
+//! correction added to the denoiser's picture where it helps (`blend_weight`).
 //!
 //! **Full buffer.** The correction that is applied is that of g_c with each half's parameters and y, but z and features
 //! of the full buffer: the picture starts from the better z.

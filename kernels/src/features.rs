@@ -94,7 +94,7 @@ impl FeatureSet {
     }
 }
 
-/// Radius of the largest window Ω_c that [`Windows`] can serve: 25 x 25 pixels.
+/// Radius of the largest window Ω_c that [`Windows`](crate::windows::Windows) can serve: 25 x 25 pixels.
 pub const MAX_RADIUS: usize = 12;
 
 #[cfg(test)]

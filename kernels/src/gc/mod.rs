@@ -1,9 +1,9 @@
 //! The post-correction function g_c (Eq. 10) with its cross-bilateral weights (Eq. 11), forward and
 //! backward, for rectangles of a picture.
 //!
-//! [`Correction`] is thin: the arithmetic stands once, generic over the instruction set, in [`kernel`] and what it
-//! calls, in the order of the data: [`strip`] copies rows of features close together, [`pair_logarithms`] computes
-//! what the pixels of a pair share, [`tap_sums`] adds up the taps of every pixel, [`from_sums`] turns sums into μ̂ and
+//! [`Correction`] is thin: the arithmetic stands once, generic over the instruction set, in `kernel` and what it
+//! calls, in the order of the data: `strip` copies rows of features close together, `pair_logarithms` computes
+//! what the pixels of a pair share, `tap_sums` adds up the taps of every pixel, `from_sums` turns sums into μ̂ and
 //! gradients. The naive f64 twin is [`oracle`].
 
 mod from_sums;

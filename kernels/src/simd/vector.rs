@@ -7,7 +7,7 @@
 pub const MAX_LANES: usize = 16;
 
 /// A vector instruction set, as a token: a value exists only where the machine has the instructions, so
-/// that arithmetic with it is safe. [`dispatch`] hands it to a [`Kernel`].
+/// that arithmetic with it is safe. [`dispatch`](super::dispatch) hands it to a [`Kernel`](super::Kernel).
 pub trait Simd: Copy + Send + Sync + 'static {
     /// A vector of f32 lanes.
     type F: Copy;
