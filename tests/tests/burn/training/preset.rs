@@ -89,7 +89,7 @@ fn the_papers_preset_gives_the_same_relative_l2() {
 
 /// The same fit in PyTorch and here, one after the other, both on RAYON_NUM_THREADS threads (default
 /// 1), as a ratio. Minutes, hence not part of every run:
-/// `SSPC_PYTHON_VENV=$(.ci/setup-python) cargo test --release -p sspc-tests --test parity -- --ignored --nocapture`
+/// `SSPC_PYTHON_VENV=$(.ci/setup-python) cargo test --release -p sspc-tests --test burn -- --ignored --nocapture`
 #[test]
 #[ignore = "takes minutes; needs SSPC_PYTHON_VENV"]
 fn the_same_fit_is_timed_in_pytorch_and_here() {
