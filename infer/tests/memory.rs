@@ -1,6 +1,9 @@
 //! A frame that is read in bands takes memory for its bands and its picture, however many rows it has.
 //! One test in a program of its own: the allocator counts whatever runs at the same time.
 
+use sspc_cli::reading::ReadFrame;
+use sspc_core::bands::FrameBands;
+use sspc_core::correct::{BYTES_PER_PIXEL, CorrectionSettings, correct};
 use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_core::start;
@@ -8,9 +11,6 @@ use sspc_frames::write::write_picture;
 use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_frame};
 use sspc_image::{Buffer, Image, Role};
 use sspc_infer::engine::{Engine, Kernels};
-use sspc_infer::run::correct::{BYTES_PER_PIXEL, Options, correct_rows};
-use sspc_infer::run::report::Seconds;
-use sspc_infer::run::source::Surveyed;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
@@ -22,7 +22,6 @@ static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 const WIDTH: usize = 128;
 const BAND: usize = 64;
-const OPTIONS: Options = Options { rows: Some(BAND), strength: 1.0 };
 /// Rows around a band: networks, windows and judgement.
 const AROUND: usize = 2 * 48;
 /// The corrected picture, and the brightness of every pixel while the frame is looked over, of which one is gone

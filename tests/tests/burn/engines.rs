@@ -7,7 +7,6 @@
 
 use super::BACKENDS;
 use super::convolutions::Network;
-use sspc_core::plan::Plan;
 use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
@@ -20,6 +19,7 @@ use sspc_onnx::{Contract, Model, write_image, write_network};
 use sspc_testkit::case;
 use sspc_testkit::frames::planes;
 use sspc_testkit::kernels::{Pass, activated, correct};
+use sspc_testkit::method;
 use sspc_testkit::skips::python;
 use sspc_train::backend::Backend;
 use std::path::PathBuf;
@@ -106,8 +106,7 @@ fn network_answers(case: &Case) -> Vec<Answer> {
     let ours = Isa::available().into_iter().map(|isa| (format!("ours {}", isa.name()), Kernels::Fused(isa)));
     for (engine, kernels) in ours.chain([("tract".to_string(), Kernels::Tract)]) {
         let runner = Engine::new(case.model(), kernels, 7);
-        let everything = Plan::everything(case.height, case.width);
-        let parameters = |h| runner.parameters(&case.half(h), &everything).expect("runs").into_data();
+        let parameters = |h| method::parameters(&runner, &case.half(h)).into_data();
         answers.push(Answer { engine, values: [parameters(0), parameters(1)].concat() });
     }
     answers
