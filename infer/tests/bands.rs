@@ -1,28 +1,29 @@
 //! A frame corrected in bands is the frame corrected whole, with the network's tiles and the rows
 //! around a band as `run` cuts them.
 
-use sspc_core::corrector::parameters;
-use sspc_core::finish::{Composition, finish, picture};
-use sspc_core::prepare::{FrameStats, Prepared};
+use sspc_core::bands::FrameBands;
+use sspc_core::composition::Composition;
+use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings};
+use sspc_core::prepare::FrameStats;
 use sspc_core::rng::Rng;
 use sspc_core::start;
-use sspc_image::Image;
+use sspc_image::{Frame, Image};
 use sspc_infer::engine::{Engine, Kernels};
-use sspc_infer::run::correct::{CorrectError, Options, correct};
-use sspc_infer::run::report::Seconds;
-use sspc_kernels::gc::Taps;
 use sspc_kernels::network::Network;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
 use sspc_testkit::closeness::assert_images_close;
 use sspc_testkit::frames::sample;
+use sspc_testkit::method::{correct, settings, window_network};
 
 /// The judge's box means add f32 values in another order.
 const TOLERANCE: f64 = 1e-5;
 
-fn bands(rows: usize) -> Options {
-    Options { rows: Some(rows), ..Options::default() }
+fn run(frame: &Frame, engine: &Engine, rows: usize, strength: f32) -> Corrected {
+    let contract = &engine.model().contract;
+    let stats = FrameStats::of(frame, contract.exposure).with_features_of(contract.features);
+    correct(frame, stats, engine, &CorrectionSettings { rows: Some(rows), strength, ..settings(contract) })
 }
 
 fn engine() -> Engine {
@@ -35,16 +36,16 @@ fn engine() -> Engine {
 fn bands_do_not_show() {
     let (mut frame, engine) = (sample(), engine());
     frame.a.radiance.set(1, 50, 60, f32::NAN);
-    let run = |rows| correct(&engine, Isa::best(), &frame, bands(rows), &mut Seconds::default(), &|| false).unwrap();
+    let run = |rows| run(&frame, &engine, rows, 1.0);
     let whole = run(1000);
-    assert!(whole.fallback.is_none(), "a fallback would leave nothing to compare");
+    assert!(whole.verdict.fallback.is_none(), "a fallback would leave nothing to compare");
     for rows in [16, 48, 100] {
         let banded = run(rows);
         assert_images_close(&banded.picture, &whole.picture, TOLERANCE, &format!("bands of {rows}"));
         assert!((banded.mean_share - whole.mean_share).abs() < TOLERANCE);
         assert!((banded.active_share - whole.active_share).abs() < TOLERANCE);
-        assert!((banded.estimate.corrected.value / whole.estimate.corrected.value - 1.0).abs() < 1e-4);
-        assert_eq!(banded.survey, whole.survey);
+        let [found, expected] = [&banded, &whole].map(|run| run.verdict.estimate.corrected.value);
+        assert!((found / expected - 1.0).abs() < 1e-4);
     }
 }
 
@@ -57,37 +58,32 @@ fn an_unjudged_picture_is_computed_everywhere() {
         let (a, b) = (frame.a.radiance.plane(c)[..still * width].to_vec(), &mut frame.b.radiance);
         b.plane_mut(c)[..still * width].copy_from_slice(&a);
     }
-    let (isa, form) = (Isa::best(), Form::Paper);
-    let contract = Contract::new(form);
+    let contract = Contract::new(Form::Paper);
     assert_eq!(contract.composition, Composition::MeanOfHalves);
-    let (shape, exposure, taps) = (contract.shape, contract.exposure, Taps::square(contract.window_radius));
+    let shape = contract.shape;
     let network = Network { shape, weights: start::analytic(shape, 1.0, &mut Rng::new(1)).weights };
     let model = Model::new(contract.clone(), network.weights.clone()).unwrap();
-    let engine = Engine::new(model, Kernels::Fused(isa), 50);
-    let found = correct(&engine, isa, &frame, bands(48), &mut Seconds::default(), &|| false).unwrap();
+    let engine = Engine::new(model, Kernels::Fused(Isa::best()), 50);
+    let found = run(&frame, &engine, 48, 1.0);
     assert_eq!(found.active_share, 1.0);
-    let survey = FrameStats::of(&frame, exposure).with_features_of(contract.features);
-    let prepared = Prepared::by_stats(&frame, survey).without_skips(survey);
-    let planes = [0, 1].map(|h| parameters(isa, form, &network, &prepared.halves[h], &prepared.plan));
-    let whole = finish(isa, form, &taps, contract.composition, &prepared, [&planes[0], &planes[1]]);
-    assert_images_close(&found.picture, &picture(&frame, &prepared, &whole), TOLERANCE, "the paper's picture");
-    let skipped = Prepared::by_stats(&frame, survey);
-    assert!(skipped.plan.active_share < 0.6, "a frame of which half is still");
+    // The whole at once by our own network, as a fit corrects it.
+    let stats = FrameStats::of(&frame, contract.exposure);
+    let whole = correct(&frame, stats, &window_network(contract.form, &network), &settings(&contract));
+    assert_images_close(&found.picture, &whole.picture, TOLERANCE, "the paper's picture");
+    let judged = CorrectionSettings { composition: Composition::JudgedFullBuffer, ..settings(&contract) };
+    let skipped = correct(&frame, stats, &engine, &judged);
+    assert!(skipped.active_share < 0.6, "a frame of which half is still");
 
     // Nothing at all to correct.
     frame.b.radiance = frame.a.radiance.clone();
-    let found = correct(&engine, isa, &frame, bands(48), &mut Seconds::default(), &|| false).unwrap();
-    assert_eq!(found.active_share, 0.0);
+    assert_eq!(run(&frame, &engine, 48, 1.0).active_share, 0.0);
 }
 
 /// Fails when strength is applied to anything but the judged correction, or the estimate is not of the picture.
 #[test]
 fn strength_leads_from_the_denoisers_picture_to_the_whole_correction() {
     let (frame, engine) = (sample(), engine());
-    let run = |strength| {
-        let options = Options { strength, ..Options::default() };
-        correct(&engine, Isa::best(), &frame, options, &mut Seconds::default(), &|| false).unwrap()
-    };
+    let run = |strength| run(&frame, &engine, 1000, strength);
     let [none, half, whole] = [0.0, 0.5, 1.0].map(run);
     let denoised = Image::mean_of(&frame.a.denoised, &frame.b.denoised);
     assert!(none.picture == denoised, "at 0 another picture than the denoiser's");
@@ -96,14 +92,17 @@ fn strength_leads_from_the_denoisers_picture_to_the_whole_correction() {
         // A correction that would go below 0 ends there.
         assert!(*whole == 0.0 || f64::from(found - expected).abs() <= TOLERANCE * f64::from(expected.max(1.0)));
     }
-    assert!(half.fallback.is_none() && (half.mean_share - 0.5 * whole.mean_share).abs() < TOLERANCE);
-    let [none, half, whole] = [none, half, whole].map(|run| run.estimate);
+    assert!(half.verdict.fallback.is_none() && (half.mean_share - 0.5 * whole.mean_share).abs() < TOLERANCE);
+    let [none, half, whole] = [none, half, whole].map(|run| run.verdict.estimate);
     assert_eq!(none.corrected, none.denoised);
     assert!(whole.corrected.value < half.corrected.value && half.corrected.value < none.corrected.value);
 }
 
 #[test]
 fn a_request_to_stop_is_heard() {
-    let stopped = correct(&engine(), Isa::best(), &sample(), Options::default(), &mut Seconds::default(), &|| true);
+    let (frame, engine) = (sample(), engine());
+    let how = settings(&engine.model().contract);
+    let mut bands = FrameBands::new(&frame, FrameStats::of(&frame, engine.model().contract.exposure), true);
+    let stopped = sspc_core::correct::correct(&mut bands, &engine, &how, &|| true);
     assert!(matches!(stopped, Err(CorrectError::Interrupted)));
 }

@@ -1,6 +1,9 @@
 //! A frame that is read in bands takes memory for its bands and its picture, however many rows it has.
 //! One test in a program of its own: the allocator counts whatever runs at the same time.
 
+use sspc_cli::reading::ReadFrame;
+use sspc_core::bands::FrameBands;
+use sspc_core::correct::{BYTES_PER_PIXEL, CorrectionSettings, correct};
 use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_core::start;
@@ -8,12 +11,10 @@ use sspc_frames::write::write_picture;
 use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_frame};
 use sspc_image::{Buffer, Image, Role};
 use sspc_infer::engine::{Engine, Kernels};
-use sspc_infer::run::correct::{BYTES_PER_PIXEL, Options, correct_rows};
-use sspc_infer::run::report::Seconds;
-use sspc_infer::run::source::Surveyed;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
+use sspc_testkit::method::{self, settings};
 use sspc_testkit::peak::{PeakAlloc, peak_of};
 use std::path::Path;
 
@@ -22,7 +23,6 @@ static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 const WIDTH: usize = 128;
 const BAND: usize = 64;
-const OPTIONS: Options = Options { rows: Some(BAND), strength: 1.0 };
 /// Rows around a band: networks, windows and judgement.
 const AROUND: usize = 2 * 48;
 /// The corrected picture, and the brightness of every pixel while the frame is looked over, of which one is gone
@@ -59,20 +59,20 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
     let folder = tempfile::tempdir().expect("folder");
     let contract = Contract::new(Form::Gated);
     let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
+    let how = CorrectionSettings { rows: Some(BAND), keep_maps: false, ..settings(&contract) };
     let engine = Engine::new(Model::new(contract, weights).expect("a model"), Kernels::Fused(Isa::best()), 64);
     let files = [384, 768].map(|height| frame(folder.path(), height));
     let correct = |files: &FrameFiles| {
         peak_of(&ALLOCATOR, || {
             let open = OpenFrame::open(files, &RoleOverrides::none()).expect("frame");
-            let frame = Surveyed::in_bands(open, Exposure::Normalised).expect("readable");
-            let seconds = &mut Seconds::default();
-            let (rows, survey) = (&*frame.rows, frame.survey);
-            correct_rows(&engine, Isa::best(), rows, survey, OPTIONS, seconds, &|| false).expect("corrected")
+            let ReadFrame { source, stats, .. } = ReadFrame::in_bands(open, Exposure::Normalised).expect("readable");
+            let mut bands = FrameBands::new(&source, stats, true);
+            (stats, correct(&mut bands, &engine, &how, &|| false).expect("corrected").picture)
         })
     };
     // Once without looking: threads and tract's plan stay.
     correct(&files[0]);
-    let [(small, low), (_, high)] = files.each_ref().map(correct);
+    let [((stats, picture), low), (_, high)] = files.each_ref().map(correct);
     let more = 384 * WIDTH;
     assert!(high - low < BYTES_A_PIXEL_MORE * more + SCATTER, "{low} bytes, and {high} for twice the rows");
     let band = (BAND + AROUND) * WIDTH * BYTES_PER_PIXEL;
@@ -80,8 +80,6 @@ fn memory_grows_with_the_picture_not_with_the_frame() {
 
     // The same picture as that of the frame in memory.
     let held = read_frame(&files[0], &RoleOverrides::none()).expect("frame");
-    let survey = FrameStats::of(&held, Exposure::Normalised);
-    assert_eq!(small.survey, survey);
-    let whole = correct_rows(&engine, Isa::best(), &held, survey, OPTIONS, &mut Seconds::default(), &|| false);
-    assert!(whole.expect("corrected").picture == small.picture, "another picture");
+    assert_eq!(stats, FrameStats::of(&held, Exposure::Normalised));
+    assert!(method::correct(&held, stats, &engine, &how).picture == picture, "another picture");
 }

@@ -2,20 +2,20 @@
 //! Python as written. Needs the virtual environment of the PyTorch reference, whose interpreter
 //! `SSPC_PYTHON_VENV` names; without it the tests say aloud that they are skipped.
 
-use sspc_core::finish::{Composition, finish, picture};
-use sspc_core::plan::Plan;
-use sspc_core::prepare::{Exposure, Prepared};
+use sspc_core::composition::Composition;
+use sspc_core::correct::CorrectionSettings;
+use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
-use sspc_image::Image;
+use sspc_image::{Frame, Image};
 use sspc_infer::engine::{Engine, Kernels};
-use sspc_kernels::gc::Taps;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model, write_image, write_network};
 use sspc_testkit::closeness::assert_images_close;
 use sspc_testkit::frames::{frame_of, sample_folder};
+use sspc_testkit::method::{correct, parameters, settings};
 use sspc_testkit::models::{features, model};
 use sspc_testkit::skips::python;
 use std::path::{Path, PathBuf};
@@ -45,13 +45,10 @@ fn read_image(path: PathBuf, channels: usize, height: usize, width: usize, index
     Image::from_planes(channels, height, width, values[index * size..][..size].to_vec())
 }
 
-/// Halves a and b as a prepared frame of exposure 1, from two feature tensors.
-fn prepared(halves: [Image; 2]) -> Prepared {
-    let (height, width) = (halves[0].height(), halves[0].width());
-    let frame = frame_of(&halves);
-    let prepared = Prepared::new(&frame, Exposure::AsIs);
-    assert_eq!(prepared.halves[0].data(), halves[0].data(), "{height}x{width}: features as given");
-    prepared
+/// The mean of both corrected halves, as the image graph gives it.
+fn mean_of_halves(frame: &Frame, exposure: Exposure, engine: &Engine) -> Image {
+    let how = CorrectionSettings { composition: Composition::MeanOfHalves, ..settings(&engine.model().contract) };
+    correct(frame, FrameStats::of(frame, exposure), engine, &how).picture
 }
 
 #[test]
@@ -83,19 +80,16 @@ fn onnxruntime_gives_what_our_engine_gives() {
         std::fs::write(at("arrays.json"), serde_json::Value::Object(shapes).to_string()).expect("shapes");
         run_python(&python, folder.path(), &script);
 
-        let prepared = prepared(halves);
-        let isa = Isa::best();
-        let engine = Engine::new(model, Kernels::Fused(isa), 16);
-        let everything = Plan::everything(height, width);
-        let ours = [0, 1].map(|h| engine.parameters(&prepared.halves[h], &everything).expect("runs"));
-        for (h, ours) in ours.iter().enumerate() {
+        let engine = Engine::new(model, Kernels::Fused(Isa::best()), 16);
+        let frame = frame_of(&halves);
+        let prepared = Prepared::new(&frame, Exposure::AsIs);
+        assert_eq!(prepared.halves[0].data(), halves[0].data(), "{height}x{width}: features as given");
+        for (h, half) in halves.iter().enumerate() {
             let theirs = read_image(at("parameters.f32"), form.parameters(), height, width, h);
-            assert_images_close(&theirs, ours, NETWORK_TOLERANCE, &format!("{form:?} {height}x{width} half {h}"));
+            let what = format!("{form:?} {height}x{width} half {h}");
+            assert_images_close(&theirs, &parameters(&engine, half), NETWORK_TOLERANCE, &what);
         }
-        let taps = Taps::square(9);
-        let done = finish(isa, form, &taps, Composition::MeanOfHalves, &prepared, [&ours[0], &ours[1]]);
-        let mut ours = prepared.denoised.clone();
-        ours.data_mut().iter_mut().zip(done.correction.data()).for_each(|(z, c)| *z = (*z + c).max(0.0));
+        let ours = mean_of_halves(&frame, Exposure::AsIs, &engine);
         let theirs = read_image(at("corrected.f32"), 3, height, width, 0);
         assert_images_close(&theirs, &ours, IMAGE_TOLERANCE, &format!("{form:?} {height}x{width} picture"));
     }
@@ -121,15 +115,8 @@ fn the_readmes_python_corrects_the_sample() {
     run_python(&python, folder.path(), &at("run.py"));
 
     let frame = read_frame(&FrameFiles::halves(at("a.exr"), at("b.exr")), &RoleOverrides::none()).expect("sample");
-    let prepared = Prepared::new(&frame, Exposure::Normalised);
-    let isa = Isa::best();
-    let engine = Engine::new(model, Kernels::Fused(isa), 128);
-    let everything = Plan::everything(frame.height(), frame.width());
-    let planes = [0, 1].map(|h| engine.parameters(&prepared.halves[h], &everything).expect("runs"));
-    let taps = Taps::square(9);
-    let both = [&planes[0], &planes[1]];
-    let done = finish(isa, Form::Gated, &taps, Composition::MeanOfHalves, &prepared, both);
-    let ours = picture(&frame, &prepared, &done);
+    let engine = Engine::new(model, Kernels::Fused(Isa::best()), 128);
+    let ours = mean_of_halves(&frame, Exposure::Normalised, &engine);
     let theirs = read_image(at("corrected.f32"), 3, frame.height(), frame.width(), 0);
     assert_images_close(&theirs, &ours, IMAGE_TOLERANCE, "the README's picture");
 }

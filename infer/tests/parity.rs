@@ -1,7 +1,6 @@
 //! Both graphs against the PyTorch reference's cases, through tract with its own operators and with
 //! ours.
 
-use sspc_core::plan::Plan;
 use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::parameters::{Form, activation_f64};
@@ -9,6 +8,7 @@ use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model, write_image};
 use sspc_testkit::case::Case;
 use sspc_testkit::closeness::assert_images_close;
+use sspc_testkit::method;
 use tract_onnx::prelude::*;
 
 /// The bound for the network: nine layers of f32 sums, then activations.
@@ -26,8 +26,7 @@ fn model_of(case: &Case, form: Form) -> Model {
 }
 
 fn parameters(model: &Model, kernels: Kernels, features: &Image) -> Image {
-    let everything = Plan::everything(features.height(), features.width());
-    Engine::new(model.clone(), kernels, 4).parameters(features, &everything).unwrap()
+    method::parameters(&Engine::new(model.clone(), kernels, 4), features)
 }
 
 #[test]

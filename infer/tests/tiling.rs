@@ -1,18 +1,14 @@
 //! The tiling does not show, and the kernels agree with the f64 network and with tract's own.
 
-use sspc_core::plan::Plan;
+use sspc_core::tiles::{PictureTile, TileGrid};
 use sspc_image::Image;
-use sspc_infer::engine::tiles::TileGrid;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::network;
 use sspc_kernels::parameters::{Form, activation_f64};
 use sspc_kernels::simd::Isa;
 use sspc_testkit::closeness::assert_images_close;
+use sspc_testkit::method::parameters;
 use sspc_testkit::models::{features, model, next};
-
-fn everything(features: &Image) -> Plan {
-    Plan::everything(features.height(), features.width())
-}
 
 /// Nine layers of f32 sums of 144 terms each, then activations of slope <= 1 relative to their
 /// value: measured 3e-6, with room for other machines.
@@ -27,10 +23,8 @@ fn any_tile_size_gives_the_same_bits() {
         for _ in 0..12 {
             let (height, width, tile) = (upto(70), upto(70), upto(40));
             let features = features(height, width);
-            let run = |tile| {
-                Engine::new(model.clone(), Kernels::Fused(isa), tile).parameters(&features, &everything(&features))
-            };
-            let (whole, tiled) = (run(height.max(width)).unwrap(), run(tile).unwrap());
+            let run = |tile| parameters(&Engine::new(model.clone(), Kernels::Fused(isa), tile), &features);
+            let (whole, tiled) = (run(height.max(width)), run(tile));
             assert!(whole == tiled, "{height}x{width} in tiles of {tile} on {}", isa.name());
         }
     }
@@ -41,13 +35,9 @@ fn tracts_own_operators_give_the_same_tiled_and_whole() {
     let model = model(Form::Paper, 16, 9);
     for (height, width, tile) in [(45, 33, 17), (20, 64, 32), (7, 5, 3), (1, 40, 8)] {
         let features = features(height, width);
-        let tract =
-            Engine::new(model.clone(), Kernels::Tract, tile).parameters(&features, &everything(&features)).unwrap();
-        let whole =
-            Engine::new(model.clone(), Kernels::Tract, 64).parameters(&features, &everything(&features)).unwrap();
-        let ours = Engine::new(model.clone(), Kernels::Fused(Isa::best()), tile)
-            .parameters(&features, &everything(&features))
-            .unwrap();
+        let run = |kernels, tile| parameters(&Engine::new(model.clone(), kernels, tile), &features);
+        let (tract, whole) = (run(Kernels::Tract, tile), run(Kernels::Tract, 64));
+        let ours = run(Kernels::Fused(Isa::best()), tile);
         assert_images_close(&tract, &whole, NETWORK_TOLERANCE, &format!("{height}x{width} by {tile}"));
         assert_images_close(&ours, &whole, NETWORK_TOLERANCE, &format!("{height}x{width} fused"));
     }
@@ -68,7 +58,7 @@ fn the_engine_agrees_with_the_f64_network() {
         let expected = Image::from_planes(form.parameters(), height, width, activated.collect());
         for isa in Isa::available() {
             let engine = Engine::new(model.clone(), Kernels::Fused(isa), 6);
-            let found = engine.parameters(&features, &everything(&features)).unwrap();
+            let found = parameters(&engine, &features);
             assert_images_close(&found, &expected, NETWORK_TOLERANCE, isa.name());
         }
     }
@@ -79,13 +69,13 @@ fn tiles_cover_every_pixel_once_and_windows_stay_inside() {
     for (height, width, tile, halo) in [(1, 1, 1, 9), (100, 37, 16, 9), (64, 64, 64, 9), (19, 300, 7, 2)] {
         let grid = TileGrid::new(height, width, tile, halo);
         let mut seen = vec![0; height * width];
-        for t in grid.tiles() {
-            assert!(t.window_top + t.window_height <= height && t.window_left + t.window_width <= width);
+        for PictureTile { region: t, window } in grid.tiles_of_rows(0..height) {
+            assert!(window.top + window.height <= height && window.left + window.width <= width);
             let clear = |start: usize, end: usize, from: usize, to: usize, size: usize| {
                 (from == 0 || start >= from + halo) && (to == size || end + halo <= to)
             };
-            assert!(clear(t.top, t.top + t.height, t.window_top, t.window_top + t.window_height, height));
-            assert!(clear(t.left, t.left + t.width, t.window_left, t.window_left + t.window_width, width));
+            assert!(clear(t.top, t.top + t.height, window.top, window.top + window.height, height));
+            assert!(clear(t.left, t.left + t.width, window.left, window.left + window.width, width));
             for y in t.top..t.top + t.height {
                 for x in t.left..t.left + t.width {
                     seen[y * width + x] += 1;

@@ -10,6 +10,7 @@
 //! | [`case`](mod@case) | the parity cases of the PyTorch reference |
 //! | [`closeness`] | comparisons that say how many values differ, the first and the worst |
 //! | [`kernels`] | a network's and g_c's pass over a whole picture, a step's loss |
+//! | [`method`] | the way from a frame to its picture |
 //! | [`golden`] | hashes of pixels made before |
 //! | [`faults`] | kills, interrupts, full disks |
 //! | [`peak`] | the most memory held at once |
@@ -23,6 +24,7 @@ pub mod faults;
 pub mod frames;
 pub mod golden;
 pub mod kernels;
+pub mod method;
 pub mod models;
 pub mod peak;
 pub mod skips;

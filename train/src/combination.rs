@@ -55,35 +55,18 @@ mod tests {
     use crate::backend::Backend;
     use crate::fit::{Control, Limits, fit};
     use crate::preset::{Preset, Settings};
-    use sspc_core::corrector::parameters;
-    use sspc_core::plan::Plan;
-    use sspc_core::prepare::{Findings, Prepared};
     use sspc_core::rng::Rng;
     use sspc_core::start;
-    use sspc_image::Image;
-    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+    use sspc_kernels::network::WindowNetwork;
     use sspc_kernels::simd::Isa;
-    use std::sync::Arc;
-
-    fn noise(rng: &mut Rng) -> Prepared {
-        let (height, width) = (20, 23);
-        let halves = [0, 1].map(|_| Image::from_fn(FEATURE_CHANNELS, height, width, |_, _, _| rng.uniform()));
-        Prepared {
-            exposure: 1.0,
-            denoised: Image::filled(3, height, width, 0.5),
-            halves: halves.map(Arc::new),
-            valid: None,
-            set: FeatureSet::ALL,
-            plan: Plan::everything(height, width),
-            found: Findings::default(),
-        }
-    }
+    use sspc_testkit::frames::{prepared, textured};
+    use sspc_testkit::method::parameters;
 
     /// Fails when any gradient reaches the slopes' rows: Adam would move them by about the rate.
     #[test]
     fn the_slopes_of_f_c_are_one_and_zero_after_training() {
         let rng = &mut Rng::new(7);
-        let frame = noise(rng);
+        let frame = prepared(textured(20, 23, rng));
         let settings = Settings {
             combination: Combination::DeepCombiner,
             tile: 16,
@@ -98,7 +81,8 @@ mod tests {
         let moved = initial.weights.iter().zip(&fitted.network.weights).filter(|(a, b)| a != b).count();
         assert!(moved > initial.weights.len() / 2, "only {moved} of {} weights were trained", initial.weights.len());
         for isa in Isa::available() {
-            let planes = parameters(isa, settings.form, &fitted.network, &frame.halves[0], &frame.plan);
+            let network = WindowNetwork::new(isa, settings.form, &fitted.network);
+            let planes = parameters(&network, &frame.halves[0]);
             for slope in SLOPES..SLOPES + SLOPE_COUNT {
                 let expected = if slope < DENOISED_SLOPES { 1.0 } else { 0.0 };
                 assert!(planes.plane(slope).iter().all(|v| *v == expected), "{}: slope {slope}", isa.name());

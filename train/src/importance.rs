@@ -45,33 +45,24 @@ fn rounded(share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sspc_core::plan::Plan;
-    use sspc_core::prepare::Findings;
     use sspc_image::Image;
-    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+    use sspc_kernels::features::FEATURE_CHANNELS;
+    use sspc_testkit::frames::prepared;
 
-    fn prepared(second: f32) -> Prepared {
+    fn scene(second: f32) -> Prepared {
         let half = |z: f32| {
             let value = |c, _, x| if c >= DENOISED && x >= 16 { z } else { 0.5 };
             Image::from_fn(FEATURE_CHANNELS, 16, 48, value)
         };
-        Prepared {
-            exposure: 1.0,
-            halves: [half(0.5).into(), half(second).into()],
-            denoised: Image::filled(3, 16, 48, 0.5),
-            valid: None,
-            set: FeatureSet::ALL,
-            plan: Plan::everything(16, 48),
-            found: Findings::default(),
-        }
+        prepared([half(0.5), half(second)])
     }
 
     #[test]
     fn blocks_count_by_what_the_denoised_halves_disagree_on() {
         let blocks = [0, 16, 32].map(|left| Region { top: 0, left, height: 16, width: 16 });
-        assert_eq!(importance(&prepared(0.5), &blocks), [1.3; 3], "equal halves");
+        assert_eq!(importance(&scene(0.5), &blocks), [1.3; 3], "equal halves");
         // The first block's halves agree, the other two differ alike; the mean is two thirds of theirs.
-        let of_blocks = importance(&prepared(0.7), &blocks);
+        let of_blocks = importance(&scene(0.7), &blocks);
         // 1.5 is nearest to √2.
         for (found, expected) in of_blocks.iter().zip([0.3, 0.3 + 2f64.sqrt(), 0.3 + 2f64.sqrt()]) {
             assert!((found - expected).abs() < 1e-6, "{of_blocks:?}");

@@ -1,11 +1,9 @@
 //! `sspc-train fit --set` as a user runs it, on the repository's sample.
 
-use sspc_core::corrector::parameters;
-use sspc_core::plan::Plan;
 use sspc_core::prepare::{Exposure, Prepared};
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
 use sspc_kernels::parameters::{Form, SLOPES};
-use sspc_kernels::simd::Isa;
+use sspc_testkit::frames;
+use sspc_testkit::method::{parameters, window_network};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -58,12 +56,9 @@ fn a_model_of_f_c_has_its_slopes() {
     let output = fit(&out, &["combination=fc"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(report(&out)["settings"]["combination"], "fc");
-    let files = FrameFiles::halves(sample("a.exr"), sample("b.exr"));
-    let frame = read_frame(&files, &RoleOverrides::none()).expect("the sample");
-    let prepared = Prepared::new(&frame, Exposure::Normalised);
+    let prepared = Prepared::new(&frames::sample(), Exposure::Normalised);
     let network = sspc_onnx::load_model(&out.join("model.onnx")).expect("a model").network();
-    let plan = Plan::everything(prepared.height(), prepared.width());
-    let planes = parameters(Isa::best(), Form::Gated, &network, &prepared.halves[0], &plan);
+    let planes = parameters(&window_network(Form::Gated, &network), &prepared.halves[0]);
     for slope in SLOPES..9 {
         let expected = if slope < 3 { 1.0 } else { 0.0 };
         assert!(planes.plane(slope).iter().all(|v| *v == expected), "slope {slope}");

@@ -1,17 +1,17 @@
 //! The SIMD kernels against their naive f64 twins: every instruction set, odd sizes, all window
 //! positions, bandwidths at both ends of their range.
 
-use sspc_core::corrector;
-use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{self, Correction, NoUpstream, ParameterPlanes, Taps, Upstream};
+use sspc_kernels::gc::{self, Correction, NoUpstream, ParameterPlanes, Taps};
 use sspc_kernels::network::{self, Network, Shape};
 use sspc_kernels::parameters::{self, Form, activation_f64};
 use sspc_kernels::region::Region;
-use sspc_kernels::simd::{Isa, Simd};
+use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
+use sspc_testkit::kernels::{Pass, activated, correct, correct_and_back};
+use sspc_testkit::method;
 
 /// f32 sums of 361 terms whose exponents carry the rounding of γ·d; relative to the size of the terms.
 const FORWARD_TOLERANCE: f64 = 1e-5;
@@ -40,19 +40,6 @@ fn outputs(rng: &mut Rng, form: Form, pixels: usize, spread: f32) -> Vec<f32> {
 fn activated_f64(form: Form, raw: &[f32]) -> Vec<f64> {
     let pixels = raw.len() / form.parameters();
     raw.iter().enumerate().map(|(i, &o)| activation_f64(i / pixels, f64::from(o)).0).collect()
-}
-
-struct Fixed<'a> {
-    gradient: &'a [f32],
-    width: usize,
-    pixels: usize,
-}
-
-impl Upstream for Fixed<'_> {
-    const NEEDED: bool = true;
-    fn gradient<S: Simd>(&mut self, s: S, y: usize, x: usize, lanes: usize, _: [S::F; 3]) -> [S::F; 3] {
-        std::array::from_fn(|k| s.load_part(&self.gradient[k * self.pixels + y * self.width + x..][..lanes]))
-    }
 }
 
 /// Largest difference, relative to `scale`.
@@ -118,17 +105,12 @@ fn check(case: &Case, taps: &Taps, seed: u64) {
         }
     }
     for isa in Isa::available() {
-        let view = ParameterPlanes::of_region(case.form, &p, &case.region);
-        let correction = Correction { windows: &windows, taps, region: case.region, parameters: view };
-        let mut out = vec![0.0; 3 * pixels];
-        correction.forward(isa, &mut out);
+        let out = correct(isa, case.form, &windows, taps, case.region, &p);
         for (i, (&got, t)) in out.iter().zip(&truth).enumerate() {
             let error = (f64::from(got) - t).abs() / magnitude[i].max(1e-20);
             assert!(error < FORWARD_TOLERANCE, "{}: μ̂ at {i}: {got} is not {t}", isa.name());
         }
-        let mut gradient = vec![0.0; p.len()];
-        let mut fixed = Fixed { gradient: &upstream, width: case.region.width, pixels };
-        correction.backward(isa, &mut fixed, &mut out, &mut gradient);
+        let (_, gradient) = correct_and_back(isa, case.form, &windows, taps, case.region, &p, &upstream);
         for c in 0..case.form.parameters() {
             let part = c * pixels..(c + 1) * pixels;
             let scale = truth_gradient[part.clone()].iter().fold(GRADIENT_CONDITION * amplified, |m, t| m.max(t.abs()));
@@ -240,35 +222,23 @@ fn a_region_is_the_same_part_of_the_whole() {
 
 #[test]
 fn the_network_and_its_gradient_match_the_oracle() {
-    for (height, width, batch) in [(1, 1, 1), (7, 33, 2), (16, 5, 3), (9, 64, 1)] {
+    for (height, width) in [(1, 1), (7, 33), (16, 5), (9, 64)] {
         let rng = &mut Rng::new(height as u64);
         let shape = Shape { layers: 4, ..Shape::paper(Form::Gated) };
         let weights: Vec<f32> = (0..shape.parameter_count()).map(|_| 0.15 * rng.normal()).collect();
-        let exact: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
         let pixels = height * width;
-        let input: Vec<f32> = (0..batch * FEATURE_CHANNELS * pixels).map(|_| rng.uniform()).collect();
-        let upstream: Vec<f32> = (0..batch * shape.outputs * pixels).map(|_| rng.normal()).collect();
-        let mut truth = Vec::new();
-        let mut truth_gradient = vec![0.0; shape.parameter_count()];
-        for b in 0..batch {
-            let tile: Vec<f64> = input[b * FEATURE_CHANNELS * pixels..][..FEATURE_CHANNELS * pixels]
-                .iter()
-                .map(|&v| f64::from(v))
-                .collect();
-            let up: Vec<f64> = upstream[b * shape.outputs * pixels..][..shape.outputs * pixels]
-                .iter()
-                .map(|&v| f64::from(v))
-                .collect();
-            truth.extend(network::oracle::forward(&shape, &exact, &tile, height, width).pop().unwrap_or_default());
-            let g = network::oracle::backward(&shape, &exact, &tile, height, width, &up);
-            truth_gradient.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
-        }
+        let input: Vec<f32> = (0..FEATURE_CHANNELS * pixels).map(|_| rng.uniform()).collect();
+        let upstream: Vec<f32> = (0..shape.outputs * pixels).map(|_| rng.normal()).collect();
+        let exact = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
+        let (w, x, up) = (exact(&weights), exact(&input), exact(&upstream));
+        let truth = network::oracle::forward(&shape, &w, &x, height, width).pop().unwrap_or_default();
+        let truth_gradient = network::oracle::backward(&shape, &w, &x, height, width, &up);
         for isa in Isa::available() {
-            let (out, saved) = network::forward(isa, &shape, &weights, &input, height, width);
+            let pass = Pass::forward(isa, &shape, &weights, &input, height, width);
             let scale = |truth: &[f64]| truth.iter().fold(1e-20f64, |m, t| m.max(t.abs()));
-            assert!(worst(&out, &truth, scale(&truth)) < NETWORK_TOLERANCE, "{} {height}x{width}: forward", isa.name());
-            let gradient = network::backward(isa, &shape, &weights, &saved, &upstream);
-            let error = worst(&gradient, &truth_gradient, scale(&truth_gradient));
+            let error = worst(&pass.outputs, &truth, scale(&truth));
+            assert!(error < NETWORK_TOLERANCE, "{} {height}x{width}: forward {error:e}", isa.name());
+            let error = worst(&pass.backward(&upstream), &truth_gradient, scale(&truth_gradient));
             assert!(error < NETWORK_TOLERANCE, "{} {height}x{width}: gradient {error:e}", isa.name());
         }
     }
@@ -281,9 +251,12 @@ fn windows_of_the_network_do_not_show() {
     let weights = (0..shape.parameter_count()).map(|_| 0.1 * rng.normal()).collect();
     let network = Network { shape, weights };
     let image = features(rng, 131, 117);
+    let tiled = method::parameters(&method::window_network(Form::Gated, &network), &image);
     let isa = Isa::best();
-    let tiled = corrector::parameters(isa, Form::Gated, &network, &image, &Plan::everything(131, 117));
-    let (mut whole, _) = network::forward(isa, &shape, &network.weights, image.data(), 131, 117);
-    parameters::activate(isa, Form::Gated, &mut whole);
-    assert_eq!(tiled.data(), whole, "windows of the network differ from the whole picture");
+    let whole = Pass::forward(isa, &shape, &network.weights, image.data(), 131, 117).outputs;
+    assert_eq!(
+        tiled.data(),
+        activated(isa, Form::Gated, &whole),
+        "the network's windows differ from the whole picture"
+    );
 }

@@ -11,4 +11,3 @@ mod loss;
 mod metric;
 mod network;
 mod refusals;
-mod training;

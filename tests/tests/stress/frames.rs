@@ -1,13 +1,12 @@
 //! Frames in a file's units, and the whole way from frame to picture.
 
-use sspc_core::corrector::parameters;
-use sspc_core::finish::{Finished, finish, picture};
-use sspc_core::prepare::Prepared;
+use sspc_core::correct::{Corrected, CorrectionSettings};
+use sspc_core::prepare::{FrameStats, Prepared};
 use sspc_image::{Frame, HalfBuffer, Image};
-use sspc_kernels::gc::Taps;
 use sspc_kernels::network::Network;
 use sspc_kernels::simd::Isa;
 use sspc_testkit::frames::{frame_of, whole_sample};
+use sspc_testkit::method::{correct, window_network};
 use sspc_train::backend::Backend;
 use sspc_train::fit::{Control, Fitted, Limits, fit, starting_network};
 use sspc_train::preset::Settings;
@@ -60,9 +59,15 @@ pub fn fitted(prepared: &Prepared, settings: &Settings, steps: Option<usize>) ->
 }
 
 /// Corrects a frame as the command line does.
-pub fn corrected(frame: &Frame, prepared: &Prepared, settings: &Settings, network: &Network) -> (Image, Finished) {
-    let (isa, taps) = (Isa::best(), Taps::square(settings.radius));
-    let planes = [0, 1].map(|h| parameters(isa, settings.form, network, &prepared.halves[h], &prepared.plan));
-    let finished = finish(isa, settings.form, &taps, settings.composition, prepared, [&planes[0], &planes[1]]);
-    (picture(frame, prepared, &finished), finished)
+pub fn corrected(frame: &Frame, stats: FrameStats, settings: &Settings, network: &Network) -> Corrected {
+    let how = CorrectionSettings {
+        isa: Isa::best(),
+        form: settings.form,
+        window_radius: settings.radius,
+        composition: settings.composition,
+        strength: 1.0,
+        rows: None,
+        keep_maps: true,
+    };
+    correct(frame, stats, &window_network(settings.form, network), &how)
 }

@@ -1,21 +1,21 @@
 //! NaN and Inf make a pixel missing and go no further than the windows that hold it.
 
 use crate::frames::{changed, corrected, synthetic};
-use sspc_core::corrector::{correct, parameters};
-use sspc_core::finish::{Composition, margin};
+use sspc_core::compose::Composer;
+use sspc_core::composition::Composition;
+use sspc_core::corrector;
 use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_image::{Frame, HalfBuffer, Image};
 use sspc_infer::engine::{Engine, Kernels};
-use sspc_infer::run::correct::Options;
-use sspc_infer::run::report::Seconds;
 use sspc_kernels::gc::Taps;
 use sspc_kernels::network::Network;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
 use sspc_onnx::{Contract, Model};
+use sspc_testkit::method::{self, correct, planned, window_network};
 use sspc_train::preset::{Preset, Settings};
 
 const SIDE: usize = 116;
@@ -83,35 +83,43 @@ fn assert_unreached(found: &Image, clean: &Image, place: &Region, reach: usize, 
     assert!(unreached > SIDE * SIDE / 4, "{what}: {unreached} pixels are too few to tell");
 }
 
-/// What is made of a frame, stage by stage: parameters and corrections of both halves, correction and
-/// picture.
+/// What is made of a frame, stage by stage: parameters and corrections of both halves, weighed halves, picture.
 struct Stages {
     parameters: [Image; 2],
     halves: [Image; 2],
-    correction: Image,
+    weighed: Image,
     picture: Image,
 }
 
-fn stages(frame: &Frame, prepared: &Prepared) -> Stages {
-    let (isa, settings, network) = (Isa::best(), settings(), network());
-    let taps = Taps::square(settings.radius);
-    let planes = [0, 1].map(|h| parameters(isa, settings.form, &network, &prepared.halves[h], &prepared.plan));
+fn stages(frame: &Frame, stats: FrameStats) -> Stages {
+    let (settings, network) = (settings(), network());
+    let (taps, prepared) = (Taps::square(settings.radius), Prepared::by_stats(frame, &stats));
+    let window_network = window_network(settings.form, &network);
+    let planes = [0, 1].map(|h| planned(&window_network, &prepared.halves[h], &prepared.plan));
     let halves = [0, 1].map(|h| {
         let windows = Windows::new(&prepared.halves[h], prepared.valid.as_ref(), prepared.set, settings.radius);
-        correct(isa, settings.form, &windows, &taps, &planes[h], &prepared.plan)
+        corrector::correct(Isa::best(), settings.form, &windows, &taps, &planes[h], &prepared.plan)
     });
-    let (picture, finished) = corrected(frame, prepared, &settings, &network);
-    assert_eq!(finished.fallback, None, "a fallback would leave nothing to compare");
-    Stages { parameters: planes, halves, correction: finished.correction, picture }
+    let done = corrected(frame, stats, &settings, &network);
+    assert_eq!(done.verdict.fallback, None, "a fallback would leave nothing to compare");
+    let weighed = done.maps.expect("maps were asked for").halves;
+    Stages { parameters: planes, halves, weighed, picture: done.picture }
+}
+
+/// Pixels that a pixel of the picture depends on to every side.
+fn reach(network: usize, window_radius: usize, composition: Composition) -> usize {
+    let taps = Taps::square(window_radius);
+    let composer = Composer { isa: Isa::best(), form: settings().form, taps: &taps, composition, strength: 1.0 };
+    network + composer.margin()
 }
 
 #[test]
 fn nothing_spreads_beyond_the_windows_that_hold_a_missing_pixel() {
     let frame = synthetic(SIDE, SIDE);
-    let survey = FrameStats::of(&frame, Exposure::Normalised);
-    let clean = stages(&frame, &Prepared::by_stats(&frame, survey));
+    let stats = FrameStats::of(&frame, Exposure::Normalised);
+    let clean = stages(&frame, stats);
     let (network, g_c) = (network().shape.radius(), settings().radius);
-    let whole = network + margin(&Taps::square(g_c), Composition::JudgedFullBuffer);
+    let whole = reach(network, g_c, Composition::JudgedFullBuffer);
     for (i, (role, place)) in ROLES.iter().flat_map(|role| PLACES.iter().map(move |p| (role, p))).enumerate() {
         let value = VALUES[(i + i / 3) % 3];
         let what = format!("{value} in {}, {} x {} pixels", role.0, place.height, place.width);
@@ -119,8 +127,7 @@ fn nothing_spreads_beyond_the_windows_that_hold_a_missing_pixel() {
         // The exposure is a mean over the picture: what is asked here is what windows do.
         let found = FrameStats::of(&bad, Exposure::Normalised).found;
         assert_eq!(found.missing_pixels, place.pixels(), "{what}: count");
-        let prepared = Prepared::by_stats(&bad, FrameStats { found, ..survey });
-        let stages = stages(&bad, &prepared);
+        let stages = stages(&bad, FrameStats { found, ..stats });
         for h in 0..2 {
             assert_unreached(
                 &stages.parameters[h],
@@ -132,9 +139,9 @@ fn nothing_spreads_beyond_the_windows_that_hold_a_missing_pixel() {
             assert_unreached(&stages.halves[h], &clean.halves[h], place, network + g_c, &format!("{what}: g_c"));
             assert!(stages.parameters[h] != clean.parameters[h], "{what}: the place was not seen");
         }
-        assert_unreached(&stages.correction, &clean.correction, place, whole, &format!("{what}: judge"));
+        assert_unreached(&stages.weighed, &clean.weighed, place, whole, &format!("{what}: weighed halves"));
         assert_unreached(&stages.picture, &clean.picture, place, whole, &format!("{what}: picture"));
-        let images = stages.parameters.iter().chain(&stages.halves).chain([&stages.correction, &stages.picture]);
+        let images = stages.parameters.iter().chain(&stages.halves).chain([&stages.weighed, &stages.picture]);
         assert!(images.flat_map(Image::data).all(|v| v.is_finite()), "{what}: not finite");
         // A missing pixel is the denoiser's, or where that is missing, a half's.
         let (y, x) = (place.top, place.left);
@@ -160,27 +167,19 @@ fn nothing_spreads_in_the_inference_engine_either() {
     let mut contract = Contract::new(settings().form);
     contract.shape = network().shape;
     contract.exposure = Exposure::AsIs;
-    let whole = contract.shape.radius() + margin(&Taps::square(contract.window_radius), contract.composition);
+    let whole = reach(contract.shape.radius(), contract.window_radius, contract.composition);
     for kernels in [Kernels::Fused(Isa::best()), Kernels::Tract] {
         let engine = Engine::new(Model::new(contract.clone(), network().weights).expect("a model"), kernels, 50);
         let run = |frame: &Frame| {
-            let done = sspc_infer::run::correct::correct(
-                &engine,
-                Isa::best(),
-                frame,
-                Options::default(),
-                &mut Seconds::default(),
-                &|| false,
-            )
-            .expect("a picture");
-            assert_eq!(done.fallback, None, "a fallback would leave nothing to compare");
+            let stats = FrameStats::of(frame, contract.exposure);
+            let done = correct(frame, stats, &engine, &method::settings(&contract));
+            assert_eq!(done.verdict.fallback, None, "a fallback would leave nothing to compare");
             done
         };
         let clean = run(&frame);
         for (i, role) in ROLES.iter().enumerate().step_by(3) {
             let (place, what) = (&PLACES[i % 3], format!("{kernels:?}: {}", role.0));
             let found = run(&damaged(&frame, role, place, VALUES[(i + 1) % 3]));
-            assert_eq!(found.survey.found.missing_pixels, place.pixels(), "{what}");
             assert_unreached(&found.picture, &clean.picture, place, whole, &what);
             assert!(found.picture.data().iter().all(|v| v.is_finite()), "{what}: not finite");
         }
@@ -196,20 +195,20 @@ fn a_feature_that_is_nowhere_finite_counts_as_absent() {
         let mut without = frame.clone();
         *feature(&mut without.a) = None;
         *feature(&mut without.b) = None;
-        let absent = Prepared::new(&without, Exposure::Normalised);
+        let absent = FrameStats::of(&without, Exposure::Normalised);
         for value in VALUES {
             // One channel of one half is enough: no pixel of the feature is whole.
             let mut bad = frame.clone();
             let image = feature(&mut bad.b).as_mut().expect("the frame has every role");
             image.plane_mut(0).fill(value);
-            let prepared = Prepared::new(&bad, Exposure::Normalised);
-            assert_eq!((prepared.found.missing_pixels, prepared.set), (0, absent.set), "{value} in all of {name}");
-            let unusable = prepared.found.unusable;
+            let stats = FrameStats::of(&bad, Exposure::Normalised);
+            assert_eq!((stats.found.missing_pixels, stats.set), (0, absent.set), "{value} in all of {name}");
+            let unusable = stats.found.unusable;
             assert_eq!(
                 (unusable.albedo, unusable.normal, unusable.visibility),
                 (name == "albedo", name == "normal", name == "visibility")
             );
-            assert_eq!(stages(&bad, &prepared).picture, stages(&without, &absent).picture, "{value} in all of {name}");
+            assert_eq!(stages(&bad, stats).picture, stages(&without, absent).picture, "{value} in all of {name}");
         }
     }
 }
@@ -221,16 +220,16 @@ fn colour_that_is_nowhere_finite_leaves_the_denoisers_picture() {
     for role in &ROLES[..5] {
         let mut bad = frame.clone();
         role.1(&mut bad).expect("the frame has every role").plane_mut(1).fill(f32::NAN);
-        let prepared = Prepared::new(&bad, Exposure::Normalised);
-        assert_eq!(prepared.found.missing_pixels, 40 * 48, "{}", role.0);
-        let (picture, finished) = corrected(&bad, &prepared, &settings(), &network());
-        assert!(finished.fallback.is_some(), "{}", role.0);
+        let stats = FrameStats::of(&bad, Exposure::Normalised);
+        assert_eq!(stats.found.missing_pixels, 40 * 48, "{}", role.0);
+        let done = corrected(&bad, stats, &settings(), &network());
+        assert!(done.verdict.fallback.is_some(), "{}", role.0);
         let full = bad.denoised.as_ref().expect("a full buffer");
         let expected = if role.0 == "z of the full buffer" { &bad.a.denoised } else { full };
-        assert_eq!(&picture, expected, "{}", role.0);
+        assert_eq!(&done.picture, expected, "{}", role.0);
     }
     let nothing = changed(&frame, |image| Image::filled(image.channels(), 40, 48, f32::NAN));
-    let prepared = Prepared::new(&nothing, Exposure::Normalised);
-    let (picture, _) = corrected(&nothing, &prepared, &settings(), &network());
+    let stats = FrameStats::of(&nothing, Exposure::Normalised);
+    let picture = corrected(&nothing, stats, &settings(), &network()).picture;
     assert!(picture.data().iter().all(|v| *v == 0.0));
 }

@@ -5,7 +5,7 @@
 //! takes such a rounding further with every step, until the two fits differ as those of two seeds do.
 
 use crate::frames::{corrected, fitted, sample, scaled};
-use sspc_core::prepare::Prepared;
+use sspc_core::prepare::{FrameStats, Prepared};
 use sspc_image::Image;
 use sspc_metrics::rel_l2;
 use sspc_testkit::frames::sample_reference;
@@ -43,9 +43,9 @@ fn picture(frame: &sspc_image::Frame, factor: f32, settings: &Settings, steps: O
         Some(0) => starting_network(settings),
         _ => fitted(&prepared, settings, steps).network,
     };
-    let (picture, finished) = corrected(&frame, &prepared, settings, &network);
-    assert_eq!(finished.fallback, None, "a fallback would leave nothing to compare");
-    picture
+    let done = corrected(&frame, FrameStats::of(&frame, settings.exposure), settings, &network);
+    assert_eq!(done.verdict.fallback, None, "a fallback would leave nothing to compare");
+    done.picture
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn beyond_the_range_of_exposures_pictures_stay_finite() {
             let settings = Settings { tile: 24, batch: 2, ..Settings::of(preset, 1) };
             let prepared = Prepared::new(&frame, settings.exposure);
             let fit = fitted(&prepared, &settings, Some(3));
-            let (picture, _) = corrected(&frame, &prepared, &settings, &fit.network);
+            let picture = corrected(&frame, FrameStats::of(&frame, settings.exposure), &settings, &fit.network).picture;
             assert!(fit.network.weights.iter().all(|w| w.is_finite()), "{preset} at {factor:e}: weights");
             assert!(picture.data().iter().all(|v| v.is_finite() && *v >= 0.0), "{preset} at {factor:e}: picture");
         }

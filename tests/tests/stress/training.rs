@@ -1,7 +1,7 @@
 //! A thousand steps at the largest rate on every extreme frame: weights stay finite.
 
 use crate::frames::{changed, corrected, fitted, scaled, synthetic};
-use sspc_core::prepare::Prepared;
+use sspc_core::prepare::{FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_image::{Frame, Image};
 use sspc_train::preset::{Preset, Rate, Sampling, Settings};
@@ -105,7 +105,8 @@ fn survive(preset: Preset) {
         );
         assert!(fit.network.weights.iter().all(|w| w.is_finite()), "{preset}, {name}: weights");
         assert!(fit.dropped >= not_taken, "{preset}, {name}: a step that gave no finite loss was taken");
-        let (picture, _) = corrected(&frame, &prepared, &settings, &fit.network);
+        let stats = FrameStats::of(&frame, settings.exposure);
+        let picture = corrected(&frame, stats, &settings, &fit.network).picture;
         assert!(picture.data().iter().all(|v| v.is_finite() && *v >= 0.0), "{preset}, {name}: picture");
     }
     println!("{text}");

@@ -2,22 +2,19 @@
 
 use super::steps::steps;
 use super::train::{Convolutions, EPSILON, Step, train};
-use sspc_core::corrector;
-use sspc_core::plan::Plan;
-use sspc_core::prepare::{Exposure, Prepared};
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_reference};
-use sspc_image::Image;
-use sspc_kernels::gc::Taps;
+use sspc_core::prepare::{Exposure, FrameStats, Prepared};
+use sspc_image::Frame;
 use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::Form;
-use sspc_kernels::simd::Isa;
-use sspc_kernels::windows::Windows;
 use sspc_metrics::rel_l2;
-use sspc_testkit::case::Case;
+use sspc_onnx::Contract;
+use sspc_testkit::case::{self, Case};
+use sspc_testkit::frames::{sample, sample_folder, sample_reference};
+use sspc_testkit::method::{correct, settings, window_network};
 use sspc_train::backend::Backend;
 use sspc_train::fit::{noise_scaled_rate, objective};
 use sspc_train::preset::{Preset, Settings};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
@@ -34,7 +31,7 @@ const RATE: f64 = 1e-4;
 /// The case's frame and start, ready to be trained.
 struct Setup {
     case: Case,
-    root: PathBuf,
+    frame: Frame,
     prepared: Prepared,
     steps: Vec<Step>,
 }
@@ -42,10 +39,8 @@ struct Setup {
 impl Setup {
     fn new() -> Self {
         let case = Case::named("paper-preset");
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/sample");
-        let files = FrameFiles::halves(root.join("a.exr"), root.join("b.exr"));
-        let frame = read_frame(&files, &RoleOverrides::none()).expect("the sample frame");
-        Self { steps: steps(&case), prepared: Prepared::new(&frame, Exposure::AsIs), root, case }
+        let frame = sample();
+        Self { steps: steps(&case), prepared: Prepared::new(&frame, Exposure::AsIs), frame, case }
     }
 
     fn train(&self) -> (Vec<f64>, Network) {
@@ -78,8 +73,11 @@ fn the_papers_preset_gives_the_same_relative_l2() {
     let (losses, network) = setup.train();
     assert_losses(&losses, &case.get("losses", &[steps.len()]).values);
 
-    let reference = read_reference(&setup.root.join("ref.exr"), None).expect("the sample's reference");
-    let found = rel_l2(&corrected(&setup.prepared, &network), &reference).value;
+    let reference = sample_reference();
+    let how = settings(&Contract::new(Form::Paper));
+    let stats = FrameStats::of(&setup.frame, Exposure::AsIs);
+    let picture = correct(&setup.frame, stats, &window_network(Form::Paper, &network), &how).picture;
+    let found = rel_l2(&picture, &reference).value;
     let expected = case.get("relative_l2", &[1]).values[0];
     let denoised = case.get("relative_l2_denoised", &[1]).values[0];
     println!("relL2 {found:.6}, in the reference {expected:.6}; denoised halves {denoised:.6}");
@@ -89,7 +87,7 @@ fn the_papers_preset_gives_the_same_relative_l2() {
 
 /// The same fit in PyTorch and here, one after the other, both on RAYON_NUM_THREADS threads (default
 /// 1), as a ratio. Minutes, hence not part of every run:
-/// `SSPC_PYTHON_VENV=$(.ci/setup-python) cargo test --release -p sspc-tests --test parity -- --ignored --nocapture`
+/// `SSPC_PYTHON_VENV=$(.ci/setup-python) cargo test --release -p sspc-tests --test burn -- --ignored --nocapture`
 #[test]
 #[ignore = "takes minutes; needs SSPC_PYTHON_VENV"]
 fn the_same_fit_is_timed_in_pytorch_and_here() {
@@ -97,12 +95,12 @@ fn the_same_fit_is_timed_in_pytorch_and_here() {
     let threads = std::env::var("RAYON_NUM_THREADS").unwrap_or_else(|_| "1".into());
     rayon::ThreadPoolBuilder::new().num_threads(threads.parse().expect("threads")).build_global().expect("threads");
     let setup = Setup::new();
-    let case = sspc_testkit::case::root().join(&setup.case.name);
+    let case = case::root().join(&setup.case.name);
     let output = Command::new(python)
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference-py"))
         .args(["-m", "sspc_reference", "--threads", &threads, "time", "--plan"])
         .arg(case)
-        .args([setup.root.join("a.exr"), setup.root.join("b.exr")])
+        .args([sample_folder().join("a.exr"), sample_folder().join("b.exr")])
         .output()
         .expect("python");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -121,18 +119,4 @@ fn the_same_fit_is_timed_in_pytorch_and_here() {
         record["implementation"].as_str().unwrap_or("?"),
         torch / seconds
     );
-}
-
-/// The paper's picture: max(0, (μ̂^a + μ̂^b) / 2).
-fn corrected(prepared: &Prepared, network: &Network) -> Image {
-    let plan = Plan::everything(prepared.height(), prepared.width());
-    let taps = Taps::square(Settings::of(Preset::Paper, 0).radius);
-    let halves = prepared.halves.each_ref().map(|features| {
-        let parameters = corrector::parameters(Isa::best(), Form::Paper, network, features, &plan);
-        let windows = Windows::new(features, None, prepared.set, taps.radius());
-        corrector::correct(Isa::best(), Form::Paper, &windows, &taps, &parameters, &plan)
-    });
-    let mut mean = Image::mean_of(&halves[0], &halves[1]);
-    mean.data_mut().iter_mut().for_each(|v| *v = v.max(0.0));
-    mean
 }

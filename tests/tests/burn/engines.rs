@@ -5,23 +5,25 @@
 //! image graph in tract and in onnxruntime. onnxruntime needs the virtual environment of the PyTorch reference, whose
 //! interpreter `SSPC_PYTHON_VENV` names; without it these columns are left out aloud.
 
-use burn::tensor::{Tensor, TensorData};
-use sspc_core::objective::{Objective, Tile};
-use sspc_core::plan::Plan;
-use sspc_core::prepare::{Findings, Prepared};
+use super::BACKENDS;
+use super::convolutions::Network;
 use sspc_image::Image;
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
 use sspc_kernels::gc::Taps;
-use sspc_kernels::parameters::{Form, activate};
+use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
 use sspc_onnx::{Contract, Model, write_image, write_network};
+use sspc_testkit::case;
+use sspc_testkit::frames::planes;
+use sspc_testkit::kernels::{Pass, activated, correct};
+use sspc_testkit::method;
+use sspc_testkit::skips::python;
 use sspc_train::backend::Backend;
-use sspc_train::model::{TileBatch, to_vec};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
-use std::sync::Arc;
 use tract_onnx::prelude::*;
 
 /// The bounds that were asked for, relative to a plane's mean magnitude or the value's own, whichever is larger.
@@ -46,20 +48,11 @@ struct Case {
 
 impl Case {
     fn load() -> Self {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/pipeline/io.npz");
-        let mut file = npyz::npz::NpzArchive::open(path).expect("the case");
-        let mut shape = Vec::new();
-        let mut array = |name: &str| {
-            let array = file.by_name(name).expect("readable").unwrap_or_else(|| panic!("no array {name}"));
-            shape = array.shape().iter().map(|&n| n as usize).collect();
-            match array.dtype().descr().contains("f8") {
-                true => array.into_vec::<f64>().expect("f64").into_iter().map(|v| v as f32).collect::<Vec<f32>>(),
-                false => array.into_vec::<f32>().expect("f32"),
-            }
-        };
-        let (weights, parameters) = (array("weights"), array("parameters"));
-        let (pictures, features) = (array("mu_hat"), array("features"));
-        let &[2, FEATURE_CHANNELS, height, width] = &shape[..] else { panic!("features of shape {shape:?}") };
+        let case = case::Case::named("pipeline");
+        let (height, width) = case.size("features");
+        let array = |name: &str| case.any(name).f32();
+        let [weights, features] = ["weights", "features"].map(array);
+        let [parameters, pictures] = ["parameters", "mu_hat"].map(array);
         Self { weights, features, parameters, pictures, height, width }
     }
 
@@ -78,52 +71,42 @@ impl Case {
 
     /// Channels `first..first + channels` of both halves, `[2, channels, H, W]`.
     fn part(&self, first: usize, channels: usize) -> Vec<f32> {
-        let of = |h: usize| (first..first + channels).flat_map(move |c| self.half(h).plane(c).to_vec());
-        of(0).chain(of(1)).collect()
+        (0..2).flat_map(|h| planes(&self.half(h), first, channels).into_data()).collect()
     }
 
-    /// Both halves as whole tiles of the trainer.
-    fn tiles(&self, isa: Isa) -> TileBatch {
-        let halves = [self.half(0), self.half(1)];
-        let prepared = Prepared {
-            plan: Plan::everything(self.height, self.width),
-            exposure: 1.0,
-            halves: halves.map(Arc::new),
-            denoised: Image::zeros(3, self.height, self.width),
-            valid: None,
-            set: FeatureSet::ALL,
-            found: Findings::default(),
-        };
-        let contract = Contract::new(Form::Gated);
-        let taps = Taps::square(contract.window_radius);
-        let objective = Objective::new(&prepared, Form::Gated, taps, FeatureSet::ALL);
-        let region = Region { top: 0, left: 0, height: self.height, width: self.width };
-        let tiles = (0..2).map(|half| Tile::upright(half, region)).collect();
-        TileBatch { objective: Arc::new(objective), tiles: Arc::new(tiles), shape: contract.shape, isa }
-    }
-
-    /// Raw outputs of Burn's own convolutions.
+    /// Raw outputs of both halves by Burn's own convolutions.
     fn burn(&self, backend: Backend) -> Vec<f32> {
-        let data = TensorData::new(self.weights.clone(), [self.weights.len()]);
-        to_vec(self.tiles(Isa::Portable).outputs_by_burn(Tensor::from_data(data, &backend.device())))
+        let (features, height, width) = (&self.features, self.height, self.width);
+        Network { shape: Contract::new(Form::Gated).shape, features, height, width, backend }.outputs(&self.weights)
+    }
+
+    /// Raw outputs of half `h` by our kernels.
+    fn ours(&self, isa: Isa, h: usize) -> Vec<f32> {
+        let shape = Contract::new(Form::Gated).shape;
+        Pass::forward(isa, &shape, &self.weights, self.half(h).data(), self.height, self.width).outputs
+    }
+
+    /// μ̂ of half `h` by our g_c, of a network's raw outputs.
+    fn corrected(&self, isa: Isa, h: usize, outputs: &[f32]) -> Vec<f32> {
+        let taps = Taps::square(Contract::new(Form::Gated).window_radius);
+        let windows = Windows::new(&self.half(h), None, FeatureSet::ALL, taps.radius());
+        let region = Region::whole(self.height, self.width);
+        correct(isa, Form::Gated, &windows, &taps, region, &activated(isa, Form::Gated, outputs))
     }
 }
-
-const BACKENDS: [Backend; 2] = [Backend::Flex, Backend::Ndarray];
 
 fn network_answers(case: &Case) -> Vec<Answer> {
     let mut answers = vec![Answer { engine: "PyTorch".into(), values: case.parameters.clone() }];
     for backend in BACKENDS {
-        let mut values = case.burn(backend);
-        let half = values.len() / 2;
-        values.chunks_exact_mut(half).for_each(|half| activate(Isa::Portable, Form::Gated, half));
+        let outputs = case.burn(backend);
+        let halves = outputs.chunks_exact(outputs.len() / 2);
+        let values = halves.flat_map(|half| activated(Isa::Portable, Form::Gated, half)).collect();
         answers.push(Answer { engine: format!("Burn {backend}"), values });
     }
     let ours = Isa::available().into_iter().map(|isa| (format!("ours {}", isa.name()), Kernels::Fused(isa)));
     for (engine, kernels) in ours.chain([("tract".to_string(), Kernels::Tract)]) {
         let runner = Engine::new(case.model(), kernels, 7);
-        let everything = Plan::everything(case.height, case.width);
-        let parameters = |h| runner.parameters(&case.half(h), &everything).expect("runs").into_data();
+        let parameters = |h| method::parameters(&runner, &case.half(h)).into_data();
         answers.push(Answer { engine, values: [parameters(0), parameters(1)].concat() });
     }
     answers
@@ -132,16 +115,13 @@ fn network_answers(case: &Case) -> Vec<Answer> {
 fn picture_answers(case: &Case) -> Vec<Answer> {
     let mut answers = vec![Answer { engine: "PyTorch".into(), values: case.pictures.clone() }];
     for isa in Isa::available() {
-        let batch = case.tiles(isa);
-        let data = TensorData::new(case.weights.clone(), [case.weights.len()]);
-        let outputs = to_vec(batch.outputs(Tensor::from_data(data, &Backend::Flex.device())));
-        let values = batch.objective.correct(isa, &batch.tiles, &outputs);
+        let values = (0..2).flat_map(|h| case.corrected(isa, h, &case.ours(isa, h))).collect();
         answers.push(Answer { engine: format!("ours {}", isa.name()), values });
     }
     for backend in BACKENDS {
-        let batch = case.tiles(Isa::best());
-        let outputs = TensorData::new(case.burn(backend), [2, 16, case.height, case.width]);
-        let values = to_vec(batch.corrected(Tensor::from_data(outputs, &backend.device())));
+        let outputs = case.burn(backend);
+        let halves = outputs.chunks_exact(outputs.len() / 2).enumerate();
+        let values = halves.flat_map(|(h, half)| case.corrected(Isa::best(), h, half)).collect();
         answers.push(Answer { engine: format!("Burn {backend}"), values });
     }
     answers.push(Answer { engine: "tract image graph".into(), values: tract_pictures(case) });
@@ -171,10 +151,7 @@ fn tract_pictures(case: &Case) -> Vec<f32> {
 
 /// Both graphs in onnxruntime: parameters and pictures.
 fn onnxruntime(case: &Case) -> Option<[Answer; 2]> {
-    let Some(python) = std::env::var_os("SSPC_PYTHON_VENV") else {
-        eprintln!("SKIPPED: onnxruntime; SSPC_PYTHON_VENV names no interpreter, see .ci/setup-python");
-        return None;
-    };
+    let python = python("onnxruntime among the engines")?;
     let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../infer/tests/run_graphs.py");
     let folder = tempfile::tempdir().expect("folder");
     let at = |name: &str| folder.path().join(name);

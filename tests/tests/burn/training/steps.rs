@@ -1,6 +1,7 @@
 //! Twenty steps on a small frame, in both forms, on every backend.
 
-use super::train::{BACKENDS, Convolutions, Step, train};
+use super::train::{Convolutions, Step, train};
+use crate::BACKENDS;
 use sspc_core::objective::{HalfObjective, Objective, RELATIVE_FLOOR, relative_weight, triple};
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
@@ -19,7 +20,7 @@ const WEIGHTS: f64 = 1e-2;
 
 struct Setup {
     case: Case,
-    objective: Arc<Objective>,
+    objective: Objective,
     start: Network,
     steps: Vec<Step>,
 }
@@ -40,7 +41,7 @@ impl Setup {
             weight: relative_weight(other, None, RELATIVE_FLOOR),
         };
         let [a, b] = &halves;
-        let objective = Arc::new(Objective { form, halves: [half(a, b), half(b, a)], taps: taps.clone() });
+        let objective = Objective { form, halves: [half(a, b), half(b, a)], taps: taps.clone() };
         let key = format!("weights_start_{}", form.parameters());
         let start = Network { shape, weights: case.get(&key, &[shape.parameter_count()]).f32() };
         let steps = steps(&case);

@@ -1,0 +1,5 @@
+//! Kernels and objective by themselves, and a picture in bands against the whole.
+
+mod bands;
+mod kernels;
+mod objective;
