@@ -5,7 +5,7 @@ use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
 use crate::files::FrameFiles;
 use crate::layers::{Layers, Reading};
-use crate::names::{candidates, component_count};
+use crate::names::{candidates, component_count, noisy};
 use crate::overrides::{Choice, RoleOverrides, Selection};
 use crate::search::{Anchor, Found, Hit};
 use crate::window::Window;
@@ -284,7 +284,9 @@ impl Search<'_> {
 
     fn missing(&self, file: usize, role: Role, buffer: Buffer) -> Error {
         let (file, layers) = &self.opened[file];
-        let names: Vec<String> = candidates(role).iter().take(6).map(|known| known.pattern.to_string()).collect();
+        let noisy = if role == Role::Radiance { noisy() } else { &[] };
+        let known = noisy.iter().take(1).chain(candidates(role));
+        let names: Vec<String> = known.take(6).map(|known| known.pattern.to_string()).collect();
         let marked = match self.reading(buffer) {
             Reading::Marked(Buffer::A) => " marked even, a or an ending A",
             Reading::Marked(_) => " marked odd, b or an ending B",
