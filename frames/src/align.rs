@@ -124,9 +124,8 @@ pub fn window_like(
         if !placing.window.contains(&window) {
             return Err(mismatch());
         }
-        let said = ((right, down) != (0, 0)).then(|| {
-            format!("{}: its origin was lost, taken for ({right}, {down})", file.path.display())
-        });
+        let said = ((right, down) != (0, 0))
+            .then(|| format!("{}: its origin was lost, taken for ({right}, {down})", file.path.display()));
         found = (window, said);
     }
     Ok(found)

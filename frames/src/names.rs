@@ -47,7 +47,8 @@ const VRAY: &str = "V-Ray, Denoiser render element, docs.chaosgroup.com/pages/vi
 const VRAY_NAMES: &str = "V-Ray, default channel names, docs.chaos.com/pages/viewpage.action?pageId=29564243";
 
 /// Colour that its writer calls noisy; where it is, the layer without that word is the denoised one.
-const NOISY: &[Known] = &[known(Whole("noisy image"), CYCLES), known(Whole("noisy"), LUXCORE), known(Suffix("_noisy"), COMMON)];
+const NOISY: &[Known] =
+    &[known(Whole("noisy image"), CYCLES), known(Whole("noisy"), LUXCORE), known(Suffix("_noisy"), COMMON)];
 
 /// The picture of a frame or of a view layer, from the surest to the vaguest. The empty name is the root layer.
 const COLOUR: &[Known] = &[

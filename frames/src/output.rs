@@ -86,12 +86,8 @@ impl OutputPlan {
                 }
             }
         }
-        let plan = Self {
-            template: file.path.clone(),
-            purpose: file.purpose,
-            container: file.container.clone(),
-            places,
-        };
+        let plan =
+            Self { template: file.path.clone(), purpose: file.purpose, container: file.container.clone(), places };
         let whole = plan.copy(&vec![false; plan.places.len()], &[]).and_then(|copy| copy.check_chunks());
         whole.map_err(|fault| file.error(fault))?;
         Ok(plan)
@@ -103,7 +99,10 @@ impl OutputPlan {
     /// [`Error::Output`]: plans of different templates, or two pictures for one channel.
     pub fn and(mut self, other: OutputPlan) -> Result<Self, Error> {
         let taken = |target: &Target| {
-            self.places.iter().flat_map(|(place, _)| &place.targets).any(|t| (t.part, &t.name) == (target.part, &target.name))
+            self.places
+                .iter()
+                .flat_map(|(place, _)| &place.targets)
+                .any(|t| (t.part, &t.name) == (target.part, &target.name))
         };
         let is_taken = other.places.iter().flat_map(|(place, _)| &place.targets).any(taken);
         if self.template != other.template || is_taken {
@@ -146,8 +145,12 @@ impl OutputPlan {
         for Placed { image, window } in &placed {
             assert_eq!((image.width(), image.height()), window.size(), "size of a picture");
         }
-        let half: Vec<bool> =
-            self.places.iter().zip(pictures).map(|((place, _), image)| place.were_half && half_can_hold(image)).collect();
+        let half: Vec<bool> = self
+            .places
+            .iter()
+            .zip(pictures)
+            .map(|((place, _), image)| place.were_half && half_can_hold(image))
+            .collect();
         let readable = |fault: Fault| self.error(fault);
         let copy = self.copy(&half, provenance).map_err(readable)?;
         let protected: Vec<PathBuf> = inputs.iter().cloned().chain([self.template.clone()]).collect();

@@ -41,6 +41,8 @@ pub enum Choice {
 pub struct RoleOverrides {
     choices: BTreeMap<(Role, Buffer), Choice>,
     view: Option<String>,
+    /// All views are corrected, each in turn.
+    all_views: bool,
 }
 
 impl RoleOverrides {
@@ -88,6 +90,16 @@ impl RoleOverrides {
     pub fn of_view(mut self, view: Option<String>) -> Self {
         self.view = view;
         self
+    }
+
+    /// The same, where every other view has its turn as well.
+    pub fn of_each_view(self, view: String) -> Self {
+        Self { all_views: true, ..self.of_view(Some(view)) }
+    }
+
+    /// Whether every view has its turn.
+    pub fn all_views(&self) -> bool {
+        self.all_views
     }
 
     /// The view that was asked for.

@@ -45,7 +45,9 @@ pub fn place_of(resolution: &Resolution) -> Result<Place, Error> {
         is_colour(&name.last).then_some(())
     };
     match denoised {
-        Some(z) if is_noisy(&radiance.channels).is_some() && shows(&z.channels).is_some() => Ok(place(file, &z.channels)),
+        Some(z) if is_noisy(&radiance.channels).is_some() && shows(&z.channels).is_some() => {
+            Ok(place(file, &z.channels))
+        }
         _ => Ok(place(file, &radiance.channels)),
     }
 }

@@ -178,7 +178,12 @@ impl Search<'_> {
         own.or(half).unwrap_or(&self.given.a).clone()
     }
 
-    fn recognise(&mut self, role: Role, buffer: Buffer, half_a: Option<&Filled>) -> Result<(usize, Option<Hit>), Error> {
+    fn recognise(
+        &mut self,
+        role: Role,
+        buffer: Buffer,
+        half_a: Option<&Filled>,
+    ) -> Result<(usize, Option<Hit>), Error> {
         let path = self.home(role, buffer);
         let file = self.open(&path, Purpose::Role(role, buffer))?;
         let view = self.view(file, role, buffer)?;
@@ -186,7 +191,8 @@ impl Search<'_> {
             // A file of one half does not hold the full buffer.
             return Ok((file, None));
         }
-        if let Some(names) = half_a.filter(|half| buffer == Buffer::B && self.is_own(half)).map(|half| self.names(half)) {
+        if let Some(names) = half_a.filter(|half| buffer == Buffer::B && self.is_own(half)).map(|half| self.names(half))
+        {
             return Ok((file, self.same_names(file, role, &names)?));
         }
         let layers = &self.opened[file].1;
@@ -248,7 +254,8 @@ impl Search<'_> {
         let grey = |at: usize| Hit::of(vec![at; component_count(role)]);
         let hit = match selection {
             Selection::Recognised => {
-                let reading = Some(buffer).filter(|&half| half != Buffer::Full).map_or(Reading::Unmarked, Reading::Marked);
+                let reading =
+                    Some(buffer).filter(|&half| half != Buffer::Full).map_or(Reading::Unmarked, Reading::Marked);
                 let like = self.anchor(buffer).map(|anchor| &anchor.name);
                 let hit = layers.dedicated(role, reading, like, view);
                 return hit.ok_or_else(|| self.missing(file, role, buffer));
@@ -305,13 +312,19 @@ impl Search<'_> {
 
     /// Says which views stay as they are.
     fn name_other_views(&mut self) {
-        let Some(anchor) = &self.anchors[0] else { return };
+        let Some(anchor) = self.anchors[0].as_ref().filter(|_| !self.overrides.all_views()) else { return };
         let Some((_, layers)) = self.opened.first() else { return };
-        let others: Vec<&str> =
-            layers.views.iter().enumerate().filter(|(at, _)| *at != anchor.view).map(|(_, view)| view.as_str()).collect();
+        let others: Vec<&str> = layers
+            .views
+            .iter()
+            .enumerate()
+            .filter(|(at, _)| *at != anchor.view)
+            .map(|(_, view)| view.as_str())
+            .collect();
         if let (Some(own), false) = (layers.views.get(anchor.view), others.is_empty()) {
             let (own, others) = (shown(own), shown(&others.join(", ")));
-            self.warnings.push(format!("view {own} is corrected, {others} stays as it is (--view names another, or all)"));
+            self.warnings
+                .push(format!("view {own} is corrected, {others} stays as it is (--view names another, or all)"));
         }
     }
 }

@@ -71,7 +71,9 @@ impl Layers {
             let layer = plain.find(|layer| layer.name(reading).is_some())?;
             layer.channels_for(Role::Radiance).map(Hit::of)
         };
-        by_name(|layer| layer.channels_for(Role::Radiance)).or_else(first_part).or_else(|| by_name(Layer::grey_channels))
+        by_name(|layer| layer.channels_for(Role::Radiance))
+            .or_else(first_part)
+            .or_else(|| by_name(Layer::grey_channels))
     }
 
     /// The colour that a viewer shows: the root's, Cycles' `Combined`, or what colour goes by.
@@ -81,7 +83,9 @@ impl Layers {
             colour.map(|known| known.pattern).find_map(|pattern| self.first(Reading::Unmarked, 0, pattern, channels))
         };
         let first_part = || self.list.iter().find(|layer| layer.first_part)?.channels_for(Role::Radiance).map(Hit::of);
-        by_name(|layer| layer.channels_for(Role::Radiance)).or_else(first_part).or_else(|| by_name(Layer::grey_channels))
+        by_name(|layer| layer.channels_for(Role::Radiance))
+            .or_else(first_part)
+            .or_else(|| by_name(Layer::grey_channels))
     }
 
     /// Where these channels are.
@@ -94,7 +98,10 @@ impl Layers {
         let is_named = is_colour(&name.last) || noisy_stem(&name.last).is_some();
         let is_rival = |other: &&Layer| {
             let colour = other.name(reading).is_some_and(|n| n.group == name.group && is_colour(&n.last));
-            colour && other.view == layer.view && other.path != layer.path && other.channels_for(Role::Radiance).is_some()
+            colour
+                && other.view == layer.view
+                && other.path != layer.path
+                && other.channels_for(Role::Radiance).is_some()
         };
         let is_main = is_named || !self.list.iter().any(|other| is_rival(&other));
         Some(Anchor { view: layer.view, name: name.clone(), part: layer.part, reading, is_main })
@@ -106,7 +113,8 @@ impl Layers {
         for layer in self.list.iter().filter(|layer| layer.view == anchor.view) {
             let Some(name) = layer.name(reading) else { continue };
             let is_anchor = *name == anchor.name && layer.part == anchor.part && reading == anchor.reading;
-            let channels = layer.channels_for(role).or_else(|| layer.grey_channels().filter(|_| role == Role::Denoised));
+            let channels =
+                layer.channels_for(role).or_else(|| layer.grey_channels().filter(|_| role == Role::Denoised));
             let (Some(channels), false) = (channels, is_anchor) else { continue };
             if let Some((rank, distance)) = self.standing(role, name, anchor, reading) {
                 all.push((distance, rank, layer.part != anchor.part, layer, channels));
@@ -117,9 +125,8 @@ impl Layers {
             .filter(|found| found.0 == Distance::OnlyOne)
             .filter_map(|found| found.3.name(reading).map(|name| name.group.as_str()))
             .collect();
-        let is_foreign = |distance: Distance| {
-            distance == Distance::Foreign || (distance == Distance::OnlyOne && groups.len() > 1)
-        };
+        let is_foreign =
+            |distance: Distance| distance == Distance::Foreign || (distance == Distance::OnlyOne && groups.len() > 1);
         let path = |layer: &Layer| layer.path.clone();
         let foreign = all.iter().filter(|found| is_foreign(found.0)).map(|found| path(found.3)).collect();
         let mut own: Vec<_> = all.into_iter().filter(|found| !is_foreign(found.0)).collect();
@@ -277,7 +284,8 @@ fn distance(name: &Name, anchor: &Anchor) -> Distance {
         Distance::OnlyOne
     } else if below(group) {
         Distance::Below
-    } else if name.group.is_empty() || group.strip_prefix(name.group.as_str()).is_some_and(|rest| rest.starts_with('.')) {
+    } else if name.group.is_empty() || group.strip_prefix(name.group.as_str()).is_some_and(|rest| rest.starts_with('.'))
+    {
         Distance::Outside
     } else {
         Distance::Foreign

@@ -2,8 +2,8 @@
 
 use super::fault::Fault;
 use super::part::text_of;
-use sspc_image::shown;
 use exr::meta::attribute::SampleType;
+use sspc_image::shown;
 
 /// One channel of a part.
 #[derive(Clone, Debug, PartialEq, Eq)]

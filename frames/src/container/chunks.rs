@@ -1,8 +1,8 @@
 //! Chunks of a file: where the tables say they are, as bytes, and as pixels.
 
+use super::Container;
 use super::fault::Fault;
 use super::part::{Part, Shape};
-use super::Container;
 use exr::math::Vec2;
 use exr::meta::attribute::IntegerBounds;
 use exr::meta::header::Header as CodecHeader;

@@ -157,8 +157,7 @@ impl<'a> Copy<'a> {
         let bytes_of_row = source.window.width * source.bytes_per_pixel().max(target.bytes_per_pixel());
         let step = (COPIED_BYTES / bytes_of_row.max(1)).max(1).next_multiple_of(source.block_size().1);
         let height = source.window.height;
-        let mut bands: Vec<Range<usize>> =
-            (0..height).step_by(step).map(|top| top..(top + step).min(height)).collect();
+        let mut bands: Vec<Range<usize>> = (0..height).step_by(step).map(|top| top..(top + step).min(height)).collect();
         if source.decreasing {
             bands.reverse();
         }
@@ -299,10 +298,16 @@ impl<'a> Encoder<'a> {
     /// Some lines of a block, all channels.
     fn with_picture(&self, place: Block, pixels: &[u8], part: Block) -> Vec<u8> {
         let mut data = Vec::with_capacity(part.width * part.height * self.target.bytes_per_pixel());
-        let lines: Vec<Option<Lines>> = self.channels.iter().map(|samples| match samples {
-            Samples::Kept(at) | Samples::Picture { around: Some(at), .. } => Some(Lines::of(self.source, place, *at)),
-            Samples::Picture { around: None, .. } => None,
-        }).collect();
+        let lines: Vec<Option<Lines>> = self
+            .channels
+            .iter()
+            .map(|samples| match samples {
+                Samples::Kept(at) | Samples::Picture { around: Some(at), .. } => {
+                    Some(Lines::of(self.source, place, *at))
+                }
+                Samples::Picture { around: None, .. } => None,
+            })
+            .collect();
         let mut row = vec![0.0; part.width];
         for y in part.top..part.top + part.height {
             for ((samples, lines), channel) in self.channels.iter().zip(&lines).zip(&self.target.channels) {

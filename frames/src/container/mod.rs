@@ -9,8 +9,8 @@ pub mod chunks;
 pub mod copy;
 pub mod fault;
 mod limits;
-pub mod pixels;
 pub mod part;
+pub mod pixels;
 
 use attributes::{MULTI_PART, Preamble};
 use fault::Fault;

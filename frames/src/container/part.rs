@@ -127,11 +127,7 @@ impl Part {
         let bytes = list.iter().map(|channel| channel.sample_type.bytes_per_sample()).sum();
         let mut header = exr::meta::header::Header::new(name, size, Default::default());
         header.channels = ChannelList { bytes_per_pixel: bytes, ..ChannelList::new(list.into_iter().collect()) };
-        header.with_encoding(
-            self.method().unwrap_or(Compression::Uncompressed),
-            self.blocks(),
-            LineOrder::Increasing,
-        )
+        header.with_encoding(self.method().unwrap_or(Compression::Uncompressed), self.blocks(), LineOrder::Increasing)
     }
 
     fn blocks(&self) -> BlockDescription {

@@ -44,7 +44,8 @@ pub fn read_planes(container: &Container, wanted: &mut [Wanted]) -> Result<(), F
         }
         let header = part.codec_header();
         let (block_width, block_height) = part.block_size();
-        let largest = block_width.min(part.window.width) * block_height.min(part.window.height) * part.bytes_per_pixel();
+        let largest =
+            block_width.min(part.window.width) * block_height.min(part.window.height) * part.bytes_per_pixel();
         let batch = (BATCH_BYTES / largest.max(1)).max(1);
         let needed = |place: &Block| slots.iter().any(|slot| slot.touches(place));
         let indices: Vec<usize> =
@@ -56,9 +57,9 @@ pub fn read_planes(container: &Container, wanted: &mut [Wanted]) -> Result<(), F
                 decompress(&header, place, data).map(|pixels| (place, pixels))
             };
             let blocks = data.into_par_iter().zip(indices).map(decode).collect::<Result<Vec<_>, _>>()?;
-            slots.par_iter_mut().try_for_each(|slot| {
-                blocks.iter().try_for_each(|(place, pixels)| slot.take(part, *place, pixels))
-            })?;
+            slots
+                .par_iter_mut()
+                .try_for_each(|slot| blocks.iter().try_for_each(|(place, pixels)| slot.take(part, *place, pixels)))?;
         }
     }
     Ok(())
