@@ -28,8 +28,8 @@ pub struct FrameArgs {
     #[arg(long, value_name = "PATTERN", requires = "a")]
     pub b: Option<OsString>,
 
-    /// Frames of the shot, e.g. 1001-1040, 1-100x5 or 1001,1005-1010
-    #[arg(long, value_name = "RANGE", requires = "a")]
+    /// Frames of the shot, e.g. 1001-1040, 1-100x5 (or 1-100:5), -5-10 or 1001,1005-1010
+    #[arg(long, value_name = "RANGE", requires = "a", allow_hyphen_values = true)]
     pub frames: Option<String>,
 
     /// Root of a folder laid out as the paper's published data
@@ -73,7 +73,7 @@ pub struct FrameArgs {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameJob {
     /// The number of a frame of a shot.
-    pub number: Option<u32>,
+    pub number: Option<i32>,
     /// Its files.
     pub files: FrameFiles,
 }

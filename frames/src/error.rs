@@ -119,7 +119,7 @@ impl Error {
             Error::NothingFinite { .. } => "check the render; its colour holds no usable value",
             Error::Override { .. } => "write ROLE[-a|-b|-full]=LAYER, =CH,CH,CH, =FILE.exr, =FILE.exr:LAYER or =none",
             Error::Pattern { .. } => {
-                "write shot.####.exr or shot.%04d.exr, and frames as 1001-1020, 1-100x5 or 1001,1005-1010"
+                "write shot.####.exr or shot.%04d.exr, and frames as 1001-1020, 1-100x5, 1-100:5 or 1001,1005-1010"
             }
             Error::Output { .. } => "choose another output path",
             Error::NotReadBack { .. } => "check the disk; if it is sound, report the input file that leads to this",

@@ -18,7 +18,7 @@ use sspc_kernels::features::FeatureSet;
 pub struct Input {
     pub name: String,
     /// Number in a shot.
-    pub frame_number: Option<u32>,
+    pub frame_number: Option<i32>,
     /// The view, where all of them are corrected.
     pub view: Option<String>,
     pub files: FrameFiles,

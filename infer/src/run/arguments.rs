@@ -93,7 +93,7 @@ impl RunArguments {
     /// Arguments that make no sense together, patterns without a place for the frame number.
     pub fn jobs(&self) -> Result<Vec<Job>, Failure> {
         let frames = self.frame.jobs(None)?;
-        let output = |number: Option<u32>| match number {
+        let output = |number: Option<i32>| match number {
             Some(number) => pattern(&self.output).map(|pattern| pattern.path(number)),
             None => Ok(self.output.clone()),
         };

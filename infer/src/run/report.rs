@@ -47,7 +47,7 @@ pub struct Origin {
 pub struct Report {
     pub version: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub frame: Option<u32>,
+    pub frame: Option<i32>,
     pub output: String,
     pub model: Origin,
     pub width: usize,
