@@ -81,7 +81,7 @@ pub fn align(files: &[ExrFile], filled: &mut [Filled]) -> Result<Aligned, Error>
     }
     if window != like.window {
         said.push(format!(
-            "the colours overlap in {window} of half a's {}: that is corrected, around it the picture keeps half a's pixels",
+            "the colours overlap in {window} of half a's {}: that is corrected, around it the picture is half a's own",
             like.window
         ));
     }
@@ -98,6 +98,9 @@ pub fn align(files: &[ExrFile], filled: &mut [Filled]) -> Result<Aligned, Error>
         }
         if own.overlap(&role.window).is_none() {
             return Err(size_mismatch(file, purpose, &like, own, &files[first.file].path));
+        }
+        if own != role.window && (role.role, role.buffer) != (Role::Radiance, Buffer::A) && own.contains(&role.window) {
+            said.push(format!("{purpose}: {own}, of which {} is used", role.window));
         }
         if !own.contains(&role.window) {
             said.push(format!("{purpose}: covers only {own} of {}, and counts as missing elsewhere", role.window));

@@ -48,7 +48,20 @@ pub fn place_of(resolution: &Resolution) -> Result<Place, Error> {
         Some(z) if is_noisy(&radiance.channels).is_some() && shows(&z.channels).is_some() => {
             Ok(place(file, &z.channels))
         }
-        _ => Ok(place(file, &radiance.channels)),
+        Some(z) => Ok(place(file, &radiance.channels).with_around(file, &z.channels)),
+        None => Ok(place(file, &radiance.channels)),
+    }
+}
+
+impl Place {
+    /// The same with these channels where the picture is not, as far as they are in the same part.
+    fn with_around(mut self, file: &ExrFile, channels: &[usize]) -> Self {
+        for target in &mut self.targets {
+            let channel = &file.channels[channels[target.planes[0]]];
+            let entry = &file.container.parts[channel.part].channels[channel.index];
+            target.around = (channel.part == target.part).then(|| entry.name.clone());
+        }
+        self
     }
 }
 
@@ -81,7 +94,7 @@ fn place(file: &ExrFile, channels: &[usize]) -> Place {
             Some(target) => target.planes.push(plane),
             None => {
                 let (part, name, kind) = (channel.part, entry.name.clone(), entry.kind);
-                targets.push(Target { part, name, kind, picture: 0, planes: vec![plane] });
+                targets.push(Target { part, name, kind, picture: 0, planes: vec![plane], around: None });
             }
         }
     }
@@ -107,6 +120,7 @@ fn new_channels(file: &ExrFile, part: usize) -> Result<Place, Error> {
         kind: SampleType::F32,
         picture: 0,
         planes: vec![plane],
+        around: None,
     };
     let targets = ["R", "G", "B"].into_iter().enumerate().map(target).collect();
     Ok(Place { targets, were_half: false, name: "R,G,B".into() })

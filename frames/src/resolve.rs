@@ -159,14 +159,18 @@ impl Search<'_> {
         let (file, layers) = &self.opened[file];
         let Some(wanted) = self.overrides.view() else { return Ok(0) };
         let found = layers.views.iter().position(|view| view.eq_ignore_ascii_case(wanted));
-        // Files of one role need not say which view they are of.
-        match found.or(layers.views.is_empty().then_some(0)) {
+        // Files of one role need not say which view they are of, unless they would serve several.
+        let needs_none = layers.views.is_empty() && !self.overrides.all_views();
+        match found.or(needs_none.then_some(0)) {
             Some(view) => Ok(view),
             None => Err(Error::MissingRole {
                 path: file.path.clone(),
                 purpose: Purpose::Role(role, buffer),
                 expected: format!("the view '{}'", shown(wanted)),
-                found: format!("the views {}", shown(&layers.views.join(", "))),
+                found: match layers.views.is_empty() {
+                    true => "a file without views".to_string(),
+                    false => format!("the views {}", shown(&layers.views.join(", "))),
+                },
             }),
         }
     }

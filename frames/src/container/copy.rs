@@ -34,6 +34,8 @@ pub struct Target {
     pub picture: usize,
     /// The planes of the picture whose mean the channel holds: one, or all of a grey picture.
     pub planes: Vec<usize>,
+    /// The channel of the same part that it takes around the picture, where that does not fill the part; itself without.
+    pub around: Option<Vec<u8>>,
 }
 
 /// A picture and where its pixels lie.
@@ -262,10 +264,13 @@ impl<'a> Encoder<'a> {
     fn new(copy: &'a Copy, number: usize, pictures: &[Placed<'a>]) -> Self {
         let (source, target) = (&copy.source.parts[number], &copy.parts[number]);
         let samples = |channel: &ChannelEntry| {
-            let around = source.channels.iter().position(|known| known.name == channel.name);
+            let named = |name: &Vec<u8>| source.channels.iter().position(|known| known.name == *name);
             let targets = copy.targets.iter().filter(|t| t.part == number && t.name == channel.name);
-            match (targets.last(), around) {
-                (Some(t), around) => Samples::Picture { around, picture: pictures[t.picture], planes: &t.planes },
+            match (targets.last(), named(&channel.name)) {
+                (Some(t), own) => {
+                    let around = t.around.as_ref().and_then(named).or(own);
+                    Samples::Picture { around, picture: pictures[t.picture], planes: &t.planes }
+                }
                 (None, Some(at)) => Samples::Kept(at),
                 (None, None) => unreachable!("new channels are targets"),
             }
