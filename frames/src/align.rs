@@ -85,6 +85,8 @@ pub fn align(files: &[ExrFile], filled: &mut [Filled]) -> Result<Aligned, Error>
             like.window
         ));
     }
+    // Files whose windows were told of, once each.
+    let mut told = vec![first.file];
     for (role, (right, down)) in filled.iter_mut().zip(shifts) {
         let file = &files[role.file];
         let purpose = Purpose::Role(role.role, role.buffer);
@@ -99,7 +101,8 @@ pub fn align(files: &[ExrFile], filled: &mut [Filled]) -> Result<Aligned, Error>
         if own.overlap(&role.window).is_none() {
             return Err(size_mismatch(file, purpose, &like, own, &files[first.file].path));
         }
-        if own != role.window && (role.role, role.buffer) != (Role::Radiance, Buffer::A) && own.contains(&role.window) {
+        if own != role.window && own.contains(&role.window) && !told.contains(&role.file) {
+            told.push(role.file);
             said.push(format!("{purpose}: {own}, of which {} is used", role.window));
         }
         if !own.contains(&role.window) {
