@@ -2,6 +2,7 @@
 
 use crate::failure::{Code, Failure};
 use clap::Args;
+use sspc_frames::resolve::views;
 use sspc_frames::sequence::{Frames, Pattern};
 use sspc_frames::{FrameFiles, RoleOverrides};
 use std::ffi::OsString;
@@ -27,8 +28,8 @@ pub struct FrameArgs {
     #[arg(long, value_name = "PATTERN", requires = "a")]
     pub b: Option<OsString>,
 
-    /// Frames of the shot, e.g. 1001-1040, 1-100x5 or 1001,1005-1010
-    #[arg(long, value_name = "RANGE", requires = "a")]
+    /// Frames of the shot, e.g. 1001-1040, 1-100x5 (or 1-100:5), -5-10 or 1001,1005-1010
+    #[arg(long, value_name = "RANGE", requires = "a", allow_hyphen_values = true)]
     pub frames: Option<String>,
 
     /// Root of a folder laid out as the paper's published data
@@ -62,16 +63,23 @@ pub struct FrameArgs {
     /// Which channels fill a role, e.g. albedo=LAYER, normal-a=FILE.exr:N, visibility=none
     #[arg(long = "role", value_name = "ROLE=SOURCE")]
     pub roles: Vec<String>,
+
+    /// View of a stereo file to correct, by its name, or all of them [default: the first]
+    #[arg(long, value_name = "NAME")]
+    pub view: Option<String>,
 }
 
 /// One frame that the arguments name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameJob {
     /// The number of a frame of a shot.
-    pub number: Option<u32>,
+    pub number: Option<i32>,
     /// Its files.
     pub files: FrameFiles,
 }
+
+/// What `--view` calls all views of a file.
+const ALL_VIEWS: &str = "all";
 
 impl FrameJob {
     /// What messages call the frame.
@@ -90,6 +98,23 @@ impl FrameArgs {
     /// An override that makes no sense.
     pub fn overrides(&self) -> Result<RoleOverrides, Failure> {
         Ok(RoleOverrides::parse(&self.roles)?)
+    }
+
+    /// The roles of each view of a frame that is to be corrected: one, or with `--view all` as many as its half a has.
+    ///
+    /// # Errors
+    /// An override that makes no sense, a file that cannot be read.
+    pub fn overrides_of_views(&self, files: &FrameFiles) -> Result<Vec<RoleOverrides>, Failure> {
+        let overrides = self.overrides()?;
+        match self.view.as_deref() {
+            Some(all) if all.eq_ignore_ascii_case(ALL_VIEWS) => {
+                let views = views(files)?;
+                let each = views.into_iter().map(|view| overrides.clone().of_each_view(view));
+                let each: Vec<RoleOverrides> = each.collect();
+                Ok(if each.is_empty() { vec![overrides] } else { each })
+            }
+            view => Ok(vec![overrides.of_view(view.map(str::to_string))]),
+        }
     }
 
     /// The frames that the arguments name, in their order, each with the reference of its number.

@@ -77,7 +77,7 @@ impl ReadFrame {
         let frame = open.rows(all.clone())?;
         let mut inspection = open.inspection();
         let (stats, ()) = join(|| FrameStats::of(&frame, exposure), || inspection.look(&frame, 0, all));
-        let warnings = open.warnings(&inspection)?;
+        let warnings = [open.warnings(&inspection)?, stats.found.notes()].concat();
         Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings })
     }
 
@@ -103,7 +103,7 @@ impl ReadFrame {
             inspected = true;
             Ok::<(), Error>(())
         })?;
-        let warnings = open.warnings(&inspection)?;
+        let warnings = [open.warnings(&inspection)?, stats.found.notes()].concat();
         let roles = open.sources();
         Ok(Self { source: Source::Files(open), stats, roles, warnings })
     }

@@ -83,7 +83,8 @@ impl Ground<'_> {
         if let Some(correction) = correction {
             picture.for_each_row(|k, y, row| {
                 for (x, c) in row.iter_mut().zip(correction.row(k, y)).filter(|(_, c)| **c != 0.0) {
-                    *x = (x.max(0.0) + c * inverse).max(0.0);
+                    // The method knows no negative light: what is out of gamut stays the denoiser's.
+                    *x = if *x < 0.0 { *x } else { (*x + c * inverse).max(0.0) };
                 }
             });
         }

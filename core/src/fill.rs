@@ -9,7 +9,7 @@ pub fn values_from_sources(picture: &Image, frame: &Frame) -> Vec<(usize, [f32; 
     let sources = [&frame.a.denoised, &frame.b.denoised, &frame.a.radiance, &frame.b.radiance];
     let value = |i: usize| {
         let source = sources.iter().find(|source| finite(source, i))?;
-        Some((i, std::array::from_fn(|k| source.plane(k)[i].max(0.0))))
+        Some((i, std::array::from_fn(|k| source.plane(k)[i])))
     };
     (0..picture.pixels()).filter(|&i| !finite(picture, i)).filter_map(value).collect()
 }

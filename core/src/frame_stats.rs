@@ -2,7 +2,7 @@
 //! unusual. A frame may come whole or in bands of rows; both give the same bits.
 
 use rayon::prelude::*;
-use sspc_image::{Frame, HalfBuffer, Image, Role};
+use sspc_image::{Frame, Image, Role};
 use sspc_kernels::features::FeatureSet;
 
 /// Mean of the darker 95 % of the positive z̄ that normalised exposure aims at: the constants of the method
@@ -28,10 +28,27 @@ pub enum Exposure {
 pub struct Findings {
     /// Features that are there, but at no pixel finite in both halves: they count as absent.
     pub unusable: FeatureSet,
-    /// Pixels with NaN or Inf in any role but the unusable features.
+    /// Pixels with NaN or Inf in a colour.
     pub missing_pixels: usize,
-    /// Negative colour values, clamped at 0.
+    /// Pixels with NaN or Inf in a feature that is usable elsewhere: it is missing there, and only there.
+    pub pixels_without_feature: usize,
+    /// Negative colour values: 0 to the method, left as they are where the denoiser's are.
     pub negative_values: usize,
+}
+
+impl Findings {
+    /// What a person should know, a line each.
+    pub fn notes(&self) -> Vec<String> {
+        let Findings { pixels_without_feature, negative_values, .. } = self;
+        let mut notes = Vec::new();
+        if *pixels_without_feature > 0 {
+            notes.push(format!("{pixels_without_feature} pixels have no finite albedo, normal or visibility: colour alone guides there"));
+        }
+        if *negative_values > 0 {
+            notes.push(format!("{negative_values} colour values are negative: where the denoiser's is, the picture keeps it"));
+        }
+        notes
+    }
 }
 
 /// The decisions.
@@ -87,8 +104,7 @@ impl FrameStats {
     }
 }
 
-/// Features of which no pixel is finite in both halves. Were they taken for what they claim to be,
-/// every pixel would be missing.
+/// Features of which no pixel is finite in both halves: they count as absent.
 pub fn unusable_features(frame: &Frame) -> FeatureSet {
     present_features(frame).without(usable_features(frame))
 }
@@ -103,11 +119,20 @@ pub(crate) fn usable_features(frame: &Frame) -> FeatureSet {
     FeatureSet::of(|feature| frame.has_finite(feature))
 }
 
-/// 1 where a pixel counts, 0 where a role but the unusable ones holds NaN or Inf, `[1, H, W]`.
-pub(crate) fn validity(frame: &Frame, unusable: FeatureSet) -> Image {
-    let deciding: Vec<&Image> =
-        images(&frame.a, unusable).chain(images(&frame.b, unusable)).chain(&frame.denoised).collect();
-    Image::from_rows(1, frame.height(), frame.width(), |_, y, row| {
+/// 1 where a pixel counts, 0 where a colour holds NaN or Inf, `[1, H, W]`.
+pub(crate) fn validity(frame: &Frame) -> Image {
+    finite_everywhere(&colours(frame).collect::<Vec<_>>(), frame.height(), frame.width())
+}
+
+/// 1 where a feature is finite in both halves, 0 where it is missing, `[1, H, W]`; `None` where it is missing nowhere.
+pub(crate) fn presence(frame: &Frame, feature: Role) -> Option<Image> {
+    let images: Vec<&Image> = [&frame.a, &frame.b].into_iter().filter_map(|half| half.feature(feature)).collect();
+    let is_finite = |image: &&Image| image.data().par_iter().all(|value| value.is_finite());
+    (!images.iter().all(is_finite)).then(|| finite_everywhere(&images, frame.height(), frame.width()))
+}
+
+fn finite_everywhere(deciding: &[&Image], height: usize, width: usize) -> Image {
+    Image::from_rows(1, height, width, |_, y, row| {
         row.fill(1.0);
         for source in deciding.iter().flat_map(|image| (0..image.channels()).map(|c| image.row(c, y))) {
             for (v, x) in row.iter_mut().zip(source) {
@@ -117,13 +142,7 @@ pub(crate) fn validity(frame: &Frame, unusable: FeatureSet) -> Image {
     })
 }
 
-/// The images of a half that decide which pixels are missing.
-fn images(h: &HalfBuffer, unusable: FeatureSet) -> impl Iterator<Item = &Image> {
-    let features = FeatureSet::ALL.without(unusable).iter().filter_map(|role| h.feature(role));
-    [&h.radiance, &h.denoised].into_iter().chain(features)
-}
-
-/// The images whose negative values are clamped.
+/// Radiance and denoised pictures.
 fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
     [&frame.a, &frame.b].into_iter().flat_map(|h| [&h.radiance, &h.denoised]).chain(&frame.denoised)
 }
@@ -156,7 +175,7 @@ impl Collector {
 
     /// Looks at the next band below.
     fn look(&mut self, band: &Frame) {
-        let valid = validity(band, self.found.unusable);
+        let valid = validity(band);
         if self.exposure == Exposure::Normalised {
             add_means(band, &valid, &mut self.means);
         }
@@ -176,6 +195,7 @@ impl Collector {
         });
         let (missing, negative) = counts.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         self.found.missing_pixels += missing;
+        self.found.pixels_without_feature += without_feature(band, self.found.unusable);
         self.found.negative_values += negative;
     }
 
@@ -189,6 +209,14 @@ impl Collector {
         };
         FrameStats { exposure, set, noisy: self.noisy, found: self.found }
     }
+}
+
+/// Pixels at which a usable feature is missing.
+fn without_feature(band: &Frame, unusable: FeatureSet) -> usize {
+    let present: Vec<Image> =
+        FeatureSet::ALL.without(unusable).iter().filter_map(|feature| presence(band, feature)).collect();
+    let is_missing = |i: &usize| present.iter().any(|image| image.plane(0)[*i] == 0.0);
+    if present.is_empty() { 0 } else { (0..band.height() * band.width()).filter(is_missing).count() }
 }
 
 /// Whether a valid pixel of row `y` has another radiance in the other half, negative values counting as 0.
@@ -207,7 +235,7 @@ impl Variation {
         self.first.resize(a.channels(), None);
         for (c, first) in self.first.iter_mut().enumerate() {
             let pixels = (0..a.pixels()).filter(|&i| valid.plane(0)[i] != 0.0);
-            for value in pixels.flat_map(|i| [a.plane(c)[i], b.plane(c)[i]]) {
+            for value in pixels.flat_map(|i| [a.plane(c)[i], b.plane(c)[i]]).filter(|value| value.is_finite()) {
                 if value != *first.get_or_insert(value) {
                     self.varies = true;
                     return;

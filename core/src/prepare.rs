@@ -2,13 +2,13 @@
 //! colours, missing pixels marked, feature tensors in channel order.
 
 use crate::plan::Plan;
-use sspc_image::{Frame, HalfBuffer, Image};
+use sspc_image::{Frame, HalfBuffer, Image, Role};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::frame_stats::validity;
+use crate::frame_stats::{presence, validity};
 pub use crate::frame_stats::{Exposure, Findings, FrameStats};
 
 /// A frame in the method's units.
@@ -48,8 +48,9 @@ impl Prepared {
 
     /// Brings a frame, or a band of it, into the units that were decided for the whole frame.
     pub fn by_stats(frame: &Frame, stats: &FrameStats) -> Self {
-        let valid = validity(frame, stats.found.unusable);
-        let half = |h: &HalfBuffer| half_features(h, stats, &valid);
+        let valid = validity(frame);
+        let present = Role::FEATURES.map(|feature| presence(frame, feature));
+        let half = |h: &HalfBuffer| half_features(h, stats, &valid, &present);
         let halves = [half(&frame.a), half(&frame.b)];
         let denoised = colour(&baseline(frame), stats.exposure, &valid);
         Self::of_parts(halves, denoised, valid, stats)
@@ -58,11 +59,12 @@ impl Prepared {
     /// The same of a whole frame that is given away, each half as soon as its features are there; and
     /// the [`baseline`], which the correction will be added to.
     pub fn of_owned(frame: Frame, stats: &FrameStats) -> (Self, Image) {
-        let valid = validity(&frame, stats.found.unusable);
+        let valid = validity(&frame);
+        let present = Role::FEATURES.map(|feature| presence(&frame, feature));
         let baseline = baseline(&frame).into_owned();
         let Frame { a, b, denoised, .. } = frame;
         drop(denoised);
-        let features = |half: HalfBuffer| half_features(&half, stats, &valid);
+        let features = |half: HalfBuffer| half_features(&half, stats, &valid, &present);
         let halves = [features(a), features(b)];
         let denoised = colour(&baseline, stats.exposure, &valid);
         (Self::of_parts(halves, denoised, valid, stats), baseline)
@@ -142,27 +144,37 @@ fn colour(picture: &Image, exposure: f32, valid: &Image) -> Image {
     })
 }
 
-fn half_features(half: &HalfBuffer, &FrameStats { exposure, set, .. }: &FrameStats, valid: &Image) -> Image {
+/// `present` says where albedo, normal and visibility are there; elsewhere they are zero, in both halves.
+fn half_features(
+    half: &HalfBuffer,
+    &FrameStats { exposure, set, .. }: &FrameStats,
+    valid: &Image,
+    present: &[Option<Image>; 3],
+) -> Image {
     let albedo = half.albedo.as_ref().filter(|_| set.albedo);
     let visibility = half.visibility.as_ref().filter(|_| set.visibility);
     let normal = half.normal.as_ref().filter(|_| set.normal);
     Image::from_rows(FEATURE_CHANNELS, valid.height(), valid.width(), |c, y, row| {
         let valid = valid.row(0, y);
+        let of = |feature: usize| present[feature].as_ref().map(|image| image.row(0, y));
         match c {
             RADIANCE..ALBEDO => fill_colour(half.radiance.row(c - RADIANCE, y), valid, exposure, row),
             DENOISED.. => fill_colour(half.denoised.row(c - DENOISED, y), valid, exposure, row),
-            ALBEDO..VISIBILITY => fill_feature(albedo.map(|f| f.row(c - ALBEDO, y)), valid, row),
-            VISIBILITY => fill_feature(visibility.map(|f| f.row(0, y)), valid, row),
-            _ => fill_feature(normal.map(|f| f.row(c - NORMAL, y)), valid, row),
+            ALBEDO..VISIBILITY => fill_feature(albedo.map(|f| f.row(c - ALBEDO, y)), valid, of(0), row),
+            VISIBILITY => fill_feature(visibility.map(|f| f.row(0, y)), valid, of(2), row),
+            _ => fill_feature(normal.map(|f| f.row(c - NORMAL, y)), valid, of(1), row),
         }
     })
 }
 
 /// Copies a row of a feature; one that is not in use stays zero.
-fn fill_feature(source: Option<&[f32]>, valid: &[f32], out: &mut [f32]) {
+fn fill_feature(source: Option<&[f32]>, valid: &[f32], present: Option<&[f32]>, out: &mut [f32]) {
     for ((out, v), ok) in out.iter_mut().zip(source.unwrap_or_default()).zip(valid) {
         // Far outside their ranges, so that their squared differences stay finite.
         *out = if *ok != 0.0 { v.clamp(-1e4, 1e4) } else { 0.0 };
+    }
+    for (out, present) in out.iter_mut().zip(present.unwrap_or_default()) {
+        *out = if *present != 0.0 { *out } else { 0.0 };
     }
 }
 

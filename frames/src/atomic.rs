@@ -20,6 +20,19 @@ pub fn atomic_write(
     inputs: &[PathBuf],
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), Error> {
+    atomic_write_checked(path, inputs, write, |_| Ok(()))
+}
+
+/// The same with a look at the file, under its temporary name, before it takes its own.
+///
+/// # Errors
+/// As [`atomic_write`], and [`Error::NotReadBack`] with what `check` found.
+pub fn atomic_write_checked(
+    path: &Path,
+    inputs: &[PathBuf],
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+    check: impl FnOnce(&Path) -> Result<(), String>,
+) -> Result<(), Error> {
     check_output(path, inputs)?;
     let unwritable = |source| Error::Unwritable { path: path.to_path_buf(), source };
     let (temporary, file) = Temporary::create_in(folder_of(path)).map_err(unwritable)?;
@@ -28,6 +41,7 @@ pub fn atomic_write(
     let file = writer.into_inner().map_err(|error| unwritable(error.into_error()))?;
     file.sync_all().map_err(unwritable)?;
     drop(file);
+    check(temporary.path()).map_err(|found| Error::NotReadBack { path: path.to_path_buf(), found })?;
     temporary.rename_to(path).map_err(unwritable)
 }
 

@@ -193,7 +193,7 @@ fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
     let mut warnings: Vec<String> = Vec::new();
     for filled in &resolution.filled {
         let file = &resolution.files[filled.file];
-        let method = filled.channels.iter().find_map(|&at| file.lossy[file.channels[at].part]);
+        let method = filled.channels.iter().find_map(|&at| file.lossy(file.channels[at].part));
         if let Some(method) = method {
             let line = format!(
                 "{}: {} was stored with lossy {method}, so its noise is no longer the renderer's",

@@ -81,6 +81,9 @@ pub enum Error {
 
     #[error("{}: cannot write: {source}", path.display())]
     Unwritable { path: PathBuf, source: io::Error },
+
+    #[error("{}: what was written cannot be read back: {found}", path.display())]
+    NotReadBack { path: PathBuf, found: String },
 }
 
 impl Error {
@@ -88,7 +91,7 @@ impl Error {
     pub fn kind(&self) -> ErrorKind {
         match self {
             Error::Override { .. } | Error::Pattern { .. } => ErrorKind::Arguments,
-            Error::Output { .. } | Error::Unwritable { .. } => ErrorKind::Output,
+            Error::Output { .. } | Error::Unwritable { .. } | Error::NotReadBack { .. } => ErrorKind::Output,
             _ => ErrorKind::Input,
         }
     }
@@ -109,14 +112,17 @@ impl Error {
             Error::MissingRole { .. } => {
                 "name the channels with --role, e.g. --role albedo=LAYER or --role denoised-a=FILE.exr"
             }
-            Error::SizeMismatch { .. } => "render all files of a frame with one resolution and one data window",
+            Error::SizeMismatch { .. } => {
+                "render all files of a frame with one resolution and one display window; crops are laid over each other"
+            }
             Error::IdenticalHalves { .. } => "render the second half with another seed",
             Error::NothingFinite { .. } => "check the render; its colour holds no usable value",
             Error::Override { .. } => "write ROLE[-a|-b|-full]=LAYER, =CH,CH,CH, =FILE.exr, =FILE.exr:LAYER or =none",
             Error::Pattern { .. } => {
-                "write shot.####.exr or shot.%04d.exr, and frames as 1001-1020, 1-100x5 or 1001,1005-1010"
+                "write shot.####.exr or shot.%04d.exr, and frames as 1001-1020, 1-100x5, 1-100:5 or 1001,1005-1010"
             }
             Error::Output { .. } => "choose another output path",
+            Error::NotReadBack { .. } => "check the disk; if it is sound, report the input file that leads to this",
             Error::Unwritable { .. } => "check that the folder exists, may be written to and has space left",
         }
     }

@@ -1,7 +1,8 @@
-//! A file's channels as layers, and the search for a role among them.
+//! A file's channels as layers: names up to the last dot, taken apart.
 
 use crate::exr_file::ExrFile;
-use crate::names::{self, COMBINED, NOISY_IMAGE, Pattern, split_half};
+use crate::halves::split_half;
+use crate::names;
 use sspc_image::{Buffer, Role, shown};
 
 /// Channels that share one name up to the last dot.
@@ -9,133 +10,76 @@ use sspc_image::{Buffer, Role, shown};
 pub struct Layer {
     /// As in the file, without leading dots.
     pub path: String,
-    /// Lower-case path without the mark of a half and without the default view.
-    pub base: String,
-    /// Which half the name says it belongs to.
-    pub half: Option<Buffer>,
-    /// A view of a stereo file that is not the default one.
-    pub other_view: bool,
+    /// The part that holds it.
+    pub part: usize,
+    /// Which of the file's views; 0 is the default, and that of files without views.
+    pub view: usize,
+    /// What the name says.
+    plain: Name,
+    /// What it says apart from a mark of a half, and the mark.
+    unmarked: Name,
+    half: Option<Buffer>,
     /// The first part's own channels, unnamed but for the part.
     pub first_part: bool,
     /// Lower-case endings and the channel each stands for.
     components: Vec<(String, usize)>,
 }
 
-/// The channels found for a role, in component order.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Hit {
-    pub channels: Vec<usize>,
-    /// Paths of further layers of the same name (another view layer), not taken.
-    pub passed_over: Vec<String>,
+/// A layer's name in lower case, without the view.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Name {
+    /// Everything before the last segment: the view layer, or the layer that it was made of.
+    pub group: String,
+    /// The last segment; empty for channels at the root.
+    pub last: String,
 }
 
-/// The layers of a file, in file order.
-pub struct Layers {
-    list: Vec<Layer>,
+/// How names are read, with regard to marks of halves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// Marks mean nothing: each half has a file.
+    Plain,
+    /// Layers without a mark.
+    Unmarked,
+    /// Layers with the mark of this half, by their names without it.
+    Marked(Buffer),
 }
 
-impl Layers {
-    /// Groups the channels of a file.
-    pub fn of(file: &ExrFile) -> Self {
-        let mut list: Vec<Layer> = Vec::new();
-        let mut parts: Vec<usize> = Vec::new();
-        for (at, channel) in file.channels.iter().enumerate() {
-            let (path, ending) = split_channel(&channel.name);
-            let known = list.iter().zip(&parts).position(|(layer, &part)| layer.path == path && part == channel.part);
-            let component = (ending.to_ascii_lowercase(), at);
-            match known {
-                Some(layer) => list[layer].components.push(component),
-                None => {
-                    list.push(new_layer(file, channel.part, path, component));
-                    parts.push(channel.part);
-                }
-            }
-        }
-        Self { list }
+impl Name {
+    fn of(path: &str) -> Self {
+        let path = path.to_lowercase();
+        let (group, last) = path.rsplit_once('.').unwrap_or(("", &path));
+        Self { group: group.into(), last: last.into() }
     }
 
-    /// The channels of `role` among the layers marked with `half` (unmarked ones for `None`).
-    pub fn find(&self, role: Role, half: Option<Buffer>) -> Option<Hit> {
-        let has_noisy = self.matching(NOISY_IMAGE, half, role).next().is_some();
-        let first = (role == Role::Denoised && has_noisy).then_some(COMBINED);
-        self.first_hit(first.into_iter().chain(names::candidates(role).iter().copied()), half, role)
-            .or_else(|| self.first_part(role, half))
-    }
-
-    /// The colour that a viewer shows: the root's, Cycles' `Combined`, or what radiance goes by.
-    pub fn find_picture(&self) -> Option<Hit> {
-        let patterns =
-            [Pattern::Whole(""), COMBINED].into_iter().chain(names::candidates(Role::Radiance).iter().copied());
-        self.first_hit(patterns, None, Role::Radiance).or_else(|| self.first_part(Role::Radiance, None))
-    }
-
-    /// The channels of a file that holds nothing but `role`: by its names, as plain colour, or the only layer.
-    pub fn find_dedicated(&self, role: Role, half: Option<Buffer>) -> Option<Hit> {
-        let marked = half.and_then(|half| self.find(role, Some(half)));
-        let by_name = self.find(role, None).or(marked);
-        by_name.or_else(|| self.first_hit(names::candidates(Role::Radiance).iter().copied(), None, role)).or_else(
-            || {
-                let mut usable = self.list.iter().filter_map(|layer| layer.channels_for(role));
-                let only = usable.next().filter(|_| usable.next().is_none())?;
-                Some(Hit { channels: only, passed_over: Vec::new() })
-            },
-        )
-    }
-
-    /// The components of `role` in the layer that the user named: the whole path first, then its ending.
-    pub fn find_named(&self, name: &str, role: Role) -> Option<Hit> {
-        let name = name.trim_start_matches('.').to_ascii_lowercase();
-        let ending = format!(".{name}");
-        let whole = self.list.iter().find(|layer| layer.path.to_ascii_lowercase() == name);
-        let layer =
-            whole.or_else(|| self.list.iter().find(|layer| layer.path.to_ascii_lowercase().ends_with(&ending)))?;
-        Some(Hit { channels: layer.channels_for(role)?, passed_over: Vec::new() })
-    }
-
-    /// What is there, for messages.
-    pub fn summary(&self) -> String {
-        const MOST: usize = 16;
-        let mut words: Vec<String> = self.list.iter().take(MOST).map(Layer::summary).collect();
-        if self.list.len() > MOST {
-            words.push(format!("and {} more", self.list.len() - MOST));
-        }
-        if words.is_empty() { "no channels".to_string() } else { words.join(", ") }
-    }
-
-    fn first_hit(&self, patterns: impl Iterator<Item = Pattern>, half: Option<Buffer>, role: Role) -> Option<Hit> {
-        for pattern in patterns {
-            let mut hits = self.matching(pattern, half, role);
-            if let Some((_, channels)) = hits.next() {
-                let passed_over = hits.map(|(layer, _)| layer.path.clone()).collect();
-                return Some(Hit { channels, passed_over });
-            }
-        }
-        None
-    }
-
-    fn matching(
-        &self,
-        pattern: Pattern,
-        half: Option<Buffer>,
-        role: Role,
-    ) -> impl Iterator<Item = (&Layer, Vec<usize>)> {
-        let named = self
-            .list
-            .iter()
-            .filter(move |layer| layer.half == half && !layer.other_view && pattern.matches(&layer.base));
-        named.filter_map(move |layer| Some((layer, layer.channels_for(role)?)))
-    }
-
-    /// Colour of a multi-part file whose first part has a name of its own.
-    fn first_part(&self, role: Role, half: Option<Buffer>) -> Option<Hit> {
-        let mut plain =
-            self.list.iter().filter(|layer| layer.first_part && layer.half == half && role == Role::Radiance);
-        Some(Hit { channels: plain.next()?.channels_for(role)?, passed_over: Vec::new() })
+    /// Group and last segment.
+    pub fn whole(&self) -> String {
+        if self.group.is_empty() { self.last.clone() } else { format!("{}.{}", self.group, self.last) }
     }
 }
 
 impl Layer {
-    fn channels_for(&self, role: Role) -> Option<Vec<usize>> {
+    /// The name under this reading; `None` where the reading passes the layer over.
+    pub fn name(&self, reading: Reading) -> Option<&Name> {
+        match (reading, self.half) {
+            (Reading::Plain, _) | (Reading::Unmarked, None) => Some(&self.plain),
+            (Reading::Marked(wanted), Some(half)) if wanted == half => Some(&self.unmarked),
+            _ => None,
+        }
+    }
+
+    /// The name as it is.
+    pub fn plain(&self) -> &Name {
+        &self.plain
+    }
+
+    /// The name without a mark.
+    pub fn unmarked(&self) -> &Name {
+        &self.unmarked
+    }
+
+    /// The channels that make up a role, by their endings.
+    pub fn channels_for(&self, role: Role) -> Option<Vec<usize>> {
         let find = |ending: &&str| self.components.iter().find(|(known, _)| known == ending).map(|&(_, at)| at);
         let by_ending = names::component_sets(role).iter().find_map(|set| set.iter().map(find).collect());
         let only = || match (role, self.components.as_slice()) {
@@ -145,10 +89,69 @@ impl Layer {
         by_ending.or_else(only)
     }
 
-    fn summary(&self) -> String {
+    /// The only channel of a grey layer, three times.
+    pub fn grey_channels(&self) -> Option<Vec<usize>> {
+        let is_colour = |(ending, _): &&(String, usize)| ending != "a" && ending != "alpha";
+        let mut colours = self.components.iter().filter(is_colour);
+        match (colours.next(), colours.next()) {
+            (Some((ending, at)), None) if names::GREY.contains(&ending.as_str()) => Some(vec![*at; 3]),
+            _ => None,
+        }
+    }
+
+    /// Whether one of its components is this channel.
+    pub fn holds(&self, channel: usize) -> bool {
+        self.components.iter().any(|(_, at)| *at == channel)
+    }
+
+    /// Path and components, for messages.
+    pub fn summary(&self) -> String {
         let endings: Vec<&str> = self.components.iter().map(|(ending, _)| ending.as_str()).collect();
-        let endings = endings.join("");
-        shown(&if self.path.is_empty() { endings.to_ascii_uppercase() } else { format!("{}.{endings}", self.path) })
+        match self.path.is_empty() {
+            true => shown(&endings.join(",").to_uppercase()),
+            false => format!("{} ({})", shown(&self.path), shown(&endings.join(","))),
+        }
+    }
+}
+
+/// The layers of a file, in file order.
+pub struct Layers {
+    pub list: Vec<Layer>,
+    /// Names of the file's views.
+    pub views: Vec<String>,
+    /// What else is there and cannot be decoded.
+    undecodable: Vec<String>,
+}
+
+impl Layers {
+    /// Groups the channels of a file.
+    pub fn of(file: &ExrFile) -> Self {
+        let mut list: Vec<Layer> = Vec::new();
+        for (at, channel) in file.channels.iter().enumerate() {
+            let (path, ending) = split_channel(&channel.name);
+            let component = (ending.to_lowercase(), at);
+            match list.iter_mut().find(|layer| layer.path == path && layer.part == channel.part) {
+                Some(layer) => layer.components.push(component),
+                None => list.push(new_layer(file, channel.part, path, component)),
+            }
+        }
+        Self { list, views: file.views.clone(), undecodable: file.undecodable.clone() }
+    }
+
+    /// The layer that a channel is of.
+    pub fn layer_of(&self, channel: usize) -> Option<&Layer> {
+        self.list.iter().find(|layer| layer.holds(channel))
+    }
+
+    /// What is there, for messages.
+    pub fn summary(&self) -> String {
+        const MOST: usize = 16;
+        let mut words: Vec<String> = self.list.iter().take(MOST).map(Layer::summary).collect();
+        if self.list.len() > MOST {
+            words.push(format!("and {} more", self.list.len() - MOST));
+        }
+        words.extend(self.undecodable.iter().take(MOST).cloned());
+        if words.is_empty() { "no channels".to_string() } else { words.join("; ") }
     }
 }
 
@@ -158,32 +161,40 @@ fn split_channel(name: &str) -> (String, String) {
     if let Some((path, ending)) = name.rsplit_once('.') {
         return (path.to_string(), ending.to_string());
     }
-    let (stem, _) = split_half(name);
-    if names::candidates(Role::Visibility).iter().any(|pattern| pattern.matches(&stem.to_ascii_lowercase())) {
+    let goes_by = |text: &str, role: Role| {
+        names::candidates(role).iter().any(|known| known.pattern.stem(&text.to_lowercase()).is_some())
+    };
+    if goes_by(&split_half(name).0, Role::Visibility) {
         return (name.to_string(), "Y".to_string());
     }
     let split = name.char_indices().last().filter(|(at, c)| *at > 0 && "xyzXYZ".contains(*c));
-    if let Some((at, _)) = split
-        && names::candidates(Role::Normal).iter().any(|pattern| pattern.matches(&name[..at].to_ascii_lowercase()))
-    {
-        return (name[..at].to_string(), name[at..].to_string());
+    match split {
+        Some((at, _)) if goes_by(&name[..at], Role::Normal) => (name[..at].to_string(), name[at..].to_string()),
+        _ => (String::new(), name.to_string()),
     }
-    (String::new(), name.to_string())
 }
 
 fn new_layer(file: &ExrFile, part: usize, path: String, component: (String, usize)) -> Layer {
-    let default = file.views.first();
-    let is_view = |segment: &str, view: &String| segment.eq_ignore_ascii_case(view);
-    let mut other_view = file.part_views[part].as_ref().is_some_and(|view| Some(view) != default);
+    let view_of = |text: &str| file.views.iter().position(|view| view.eq_ignore_ascii_case(text));
+    let mut view = file.part_views[part].as_deref().and_then(view_of);
     let mut kept = Vec::new();
     for segment in path.split('.').filter(|segment| !segment.is_empty()) {
-        other_view |= file.views.iter().skip(1).any(|view| is_view(segment, view));
-        if !default.is_some_and(|view| is_view(segment, view)) {
-            kept.push(segment);
+        match view_of(segment) {
+            Some(named) => view = view.or(Some(named)),
+            None => kept.push(segment),
         }
     }
-    let (base, half) = split_half(&kept.join("."));
+    let path_without_view = kept.join(".");
+    let (unmarked, half) = split_half(&path_without_view);
     let multi = file.part_views.len() > 1;
-    let first_part = multi && part == 0 && !path.contains('.');
-    Layer { path, base: base.to_ascii_lowercase(), half, other_view, first_part, components: vec![component] }
+    Layer {
+        first_part: multi && part == 0 && !path.contains('.'),
+        part,
+        view: view.unwrap_or(0),
+        plain: Name::of(&path_without_view),
+        unmarked: Name::of(&unmarked),
+        half,
+        path,
+        components: vec![component],
+    }
 }

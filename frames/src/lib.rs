@@ -4,42 +4,51 @@
 //! |---|---|
 //! | [`files`] | which files make a frame: two halves, one file with both, the paper's folders |
 //! | [`overrides`] | the user's word on which channel is what |
-//! | [`exr_file`] | headers of one OpenEXR file, with limits on what a header may claim |
-//! | `decode` | its chunks to planes |
-//! | [`names`] | the names that renderers give to the roles |
-//! | [`layers`] | a file's channels as layers, and the search for a role among them |
+//! | `container` | the bytes of an OpenEXR file: headers as they are, chunks, a copy with pictures in it |
+//! | [`exr_file`] | one OpenEXR file: its channels by name, and their pixels |
+//! | [`names`], `halves` | the names that renderers give to the roles, and the marks of halves |
+//! | [`layers`], `search` | a file's channels as layers, and the search for a role among them |
 //! | [`resolve`] | roles to channels of files |
+//! | [`align`], [`window`] | pictures of one frame over each other |
 //! | [`open`] | a frame whose rows are read as they are needed |
 //! | [`read`] | whole frames, references and pictures |
 //! | [`checks`] | identical and correlated halves, lossy input, absent features |
 //! | [`atomic`] | outputs that appear whole or not at all |
 //! | [`temporary`] | the files they are until then, and what killed processes left of them |
-//! | [`write`](mod@write) | the corrected picture inside a copy of the input |
+//! | [`output`], `place` | the corrected picture inside a copy of half a |
+//! | [`write`](mod@write) | files of one picture |
 //! | [`preview`] | tone curve, error colours, PNG |
 //! | [`sequence`] | frame numbers in file names |
 
 #![forbid(unsafe_code)]
 
+pub mod align;
 pub mod atomic;
 pub mod checks;
-mod decode;
+mod container;
 pub mod error;
 pub mod exr_file;
 pub mod files;
+mod halves;
 pub mod layers;
 pub mod names;
 pub mod open;
+pub mod output;
 pub mod overrides;
+mod place;
 pub mod preview;
 pub mod read;
 pub mod resolve;
+mod search;
 pub mod sequence;
 pub mod temporary;
+pub mod window;
 pub mod write;
 
 pub use atomic::atomic_write;
 pub use files::FrameFiles;
 pub use open::OpenFrame;
+pub use output::{OutputPlan, write_corrected};
 pub use overrides::RoleOverrides;
 pub use read::{read_frame, read_picture, read_reference};
-pub use write::write_corrected;
+pub use window::Window;

@@ -1,86 +1,162 @@
-//! The names that renderers give to the roles, compared without regard to case.
+//! The names that renderers give to the roles, compared without regard to case, each with where it is documented.
 
-use sspc_image::{Buffer, Role};
+use sspc_image::Role;
 use std::fmt;
 
-/// How a layer's name is recognised. Names are lower-case and match whole segments from the end:
-/// `Whole("combined")` matches `Combined` and `ViewLayer.Combined`.
+/// How a layer's last segment is recognised. Names are lower-case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
     Whole(&'static str),
-    /// The last segment starts with this.
+    /// It starts with this.
     Starts(&'static str),
-    /// The last segment ends with this.
-    Ends(&'static str),
+    /// It ends with this; what is before is the name of the layer that it was made of.
+    Suffix(&'static str),
 }
 
-use Pattern::{Ends, Starts, Whole};
+use Pattern::{Starts, Suffix, Whole};
 
-/// Cycles' noisy picture; where it is present, `Combined` is the denoised one.
-pub const NOISY_IMAGE: Pattern = Whole("noisy image");
-/// Cycles' picture.
-pub const COMBINED: Pattern = Whole("combined");
+/// A name and who says so.
+#[derive(Clone, Copy, Debug)]
+pub struct Known {
+    pub pattern: Pattern,
+    /// Renderers that write it, and the document that tells.
+    pub source: &'static str,
+}
 
-/// First hit wins, so the order is from the surest to the vaguest. The empty name is the root layer.
-const RADIANCE: &[Pattern] = &[
-    NOISY_IMAGE,
-    Whole(""),
-    COMBINED,
-    Whole("beauty"),
-    Whole("rgba"),
-    Whole("rgb"),
-    Whole("c"),
-    Whole("ci"),
-    Whole("default"),
-    Whole("color"),
-    Whole("colour"),
-    Whole("radiance"),
-    Whole("randimg"),
-];
-const DENOISED: &[Pattern] = &[
-    Whole("denoised"),
-    Whole("vraydenoiser"),
-    Whole("denoiser"),
-    Whole("effectsresult"),
-    Ends("_denoised"),
-    Ends("_filtered"),
-    Starts("denoimg"),
-];
-const ALBEDO: &[Pattern] = &[
-    Whole("denoising albedo"),
-    Whole("albedo"),
-    Whole("denoise_albedo_noice"),
-    Whole("denoise_albedo"),
-    Whole("diffuse_albedo"),
-    Whole("diffcol"),
-    Whole("visiblediffuse"),
-];
-const NORMAL: &[Pattern] = &[
-    Whole("denoising normal"),
-    Whole("normal"),
-    Whole("ns"),
-    Whole("n"),
-    Whole("nn"),
-    Whole("n_noice"),
-    Whole("sh_normal"),
-    Whole("avg_shading_normal"),
-    Whole("normals"),
-    Whole("visiblenormals"),
-    Whole("optixnormals"),
-];
-const VISIBILITY: &[Pattern] = &[Whole("visibility")];
+const fn known(pattern: Pattern, source: &'static str) -> Known {
+    Known { pattern, source }
+}
 
-/// The names a role goes by, first hit wins.
-///
-/// For [`Role::Denoised`], [`COMBINED`] comes first where the file has [`NOISY_IMAGE`].
-pub fn candidates(role: Role) -> &'static [Pattern] {
+const ARNOLD: &str =
+    "Arnold, Denoising, help.autodesk.com/cloudhelp/ENU/AR-Core/files/arnold_user_guide_ac_denoising_html.html";
+const COMMON: &str = "what artists and pipelines write";
+const CORONA: &str = "Corona, Render Elements, docs.chaos.com/display/CRMAX/Render+Elements";
+const CYCLES: &str = "Blender Cycles, Passes, docs.blender.org/manual/en/latest/render/layers/passes.html";
+const DELIGHT: &str = "3Delight, AOV Selector, documentation.3delightcloud.com/display/3DFM9/AOV+Selector";
+const GUERILLA: &str = "Guerilla Render, AOV, guerillarender.com/doc/2.2/User%20Guide_Rendering_AOV.html";
+const KARMA: &str = "Houdini Karma, AOVs, www.sidefx.com/docs/houdini/solaris/support/aovs.html";
+const LUXCORE: &str = "LuxCoreRender, film output types of its SDK";
+const MITSUBA: &str = "Mitsuba 3, aov integrator, mitsuba.readthedocs.io";
+const NOICE: &str = "Arnold noice, Required Input Layers, docs.arnoldrenderer.com";
+const OCTANE: &str = "Octane, Open Image Denoise and Render Passes, docs.otoy.com/standaloneSE/OpenImageDenoise.html";
+const PAPER: &str = "the paper's published data";
+const PBRT: &str = "pbrt-v4, GBufferFilm, pbrt.org/fileformat-v4";
+const REDSHIFT: &str = "Redshift, Integrated AOVs, docs.redshift3d.com/display/RSDOCS/Integrated+AOVs";
+const RENDERMAN: &str = "RenderMan, Denoising, rmanwiki.pixar.com/display/REN24/Denoising";
+const VRAY: &str = "V-Ray, Denoiser render element, docs.chaosgroup.com/pages/viewpage.action?pageId=43549161";
+const VRAY_NAMES: &str = "V-Ray, default channel names, docs.chaos.com/pages/viewpage.action?pageId=29564243";
+
+/// Colour that its writer calls noisy; where it is, the layer without that word is the denoised one.
+const NOISY: &[Known] =
+    &[known(Whole("noisy image"), CYCLES), known(Whole("noisy"), LUXCORE), known(Suffix("_noisy"), COMMON)];
+
+/// The picture of a frame or of a view layer, from the surest to the vaguest. The empty name is the root layer.
+const COLOUR: &[Known] = &[
+    known(Whole(""), "every renderer"),
+    known(Whole("combined"), CYCLES),
+    known(Whole("beauty"), GUERILLA),
+    known(Whole("rgba"), ARNOLD),
+    known(Whole("rgb"), COMMON),
+    known(Whole("c"), KARMA),
+    known(Whole("ci"), RENDERMAN),
+    known(Whole("primary"), DELIGHT),
+    known(Whole("default"), COMMON),
+    known(Whole("color"), COMMON),
+    known(Whole("colour"), COMMON),
+    known(Whole("radiance"), COMMON),
+    known(Whole("finalimage"), "Unreal, Movie Render Queue, dev.epicgames.com"),
+    known(Whole("randimg"), PAPER),
+];
+
+const DENOISED: &[Known] = &[
+    known(Suffix("_denoised"), ARNOLD),
+    known(Suffix("_denoise"), ARNOLD),
+    known(Suffix("_filtered"), RENDERMAN),
+    known(Suffix(" denoised"), COMMON),
+    known(Suffix("-denoised"), COMMON),
+    known(Suffix("denoised"), COMMON),
+    known(Whole("denoised"), REDSHIFT),
+    known(Whole("denoisedbeauty"), OCTANE),
+    known(Whole("denoised beauty"), OCTANE),
+    known(Whole("denoised_beauty"), OCTANE),
+    known(Whole("vraydenoiser"), VRAY),
+    known(Whole("denoiser"), VRAY),
+    known(Whole("effectsresult"), VRAY),
+    known(Starts("denoimg"), PAPER),
+];
+
+const ALBEDO: &[Known] = &[
+    known(Whole("denoising albedo"), CYCLES),
+    known(Whole("albedo"), MITSUBA),
+    known(Whole("denoise_albedo_noice"), NOICE),
+    known(Whole("denoise_albedo"), NOICE),
+    known(Whole("denoisealbedo"), OCTANE),
+    known(Whole("denoise albedo"), OCTANE),
+    known(Whole("diffuse_albedo"), NOICE),
+    known(Whole("diffcol"), CYCLES),
+    known(Whole("diffuse color"), CYCLES),
+    known(Whole("visiblediffuse"), COMMON),
+    known(Whole("diffusefilter"), REDSHIFT),
+    known(Whole("diffuse filter"), REDSHIFT),
+    known(Whole("diffuse_filter"), VRAY_NAMES),
+    known(Whole("vraydiffusefilter"), VRAY),
+    known(Whole("basecolor"), KARMA),
+    known(Whole("base_color"), KARMA),
+    known(Whole("cshading_albedo"), CORONA),
+    known(Whole("cshading_sourcecolor"), CORONA),
+];
+
+const NORMAL: &[Known] = &[
+    known(Whole("denoising normal"), CYCLES),
+    known(Whole("normal"), GUERILLA),
+    known(Whole("ns"), PBRT),
+    known(Whole("n"), ARNOLD),
+    known(Whole("nn"), MITSUBA),
+    known(Whole("n_noice"), NOICE),
+    known(Whole("sh_normal"), MITSUBA),
+    known(Whole("avg_shading_normal"), LUXCORE),
+    known(Whole("shading_normal"), LUXCORE),
+    known(Whole("denoisenormal"), OCTANE),
+    known(Whole("denoise normal"), OCTANE),
+    known(Whole("denoise_normal"), OCTANE),
+    known(Whole("normals"), VRAY_NAMES),
+    known(Whole("vraynormals"), VRAY),
+    known(Whole("visiblenormals"), COMMON),
+    known(Whole("optixnormals"), COMMON),
+    known(Whole("hitn"), KARMA),
+    known(Whole("worldnormal"), "Unreal, Movie Render Queue, dev.epicgames.com"),
+    known(Whole("cgeometry_normalsshading"), CORONA),
+    known(Whole("bumpnormals"), REDSHIFT),
+    known(Whole("bump_normals"), VRAY_NAMES),
+];
+
+const VISIBILITY: &[Known] = &[known(Whole("visibility"), PAPER)];
+
+/// The names a role goes by, first hit wins; of noisy colour, [`noisy`] ones come before.
+pub fn candidates(role: Role) -> &'static [Known] {
     match role {
-        Role::Radiance => RADIANCE,
+        Role::Radiance => COLOUR,
         Role::Denoised => DENOISED,
         Role::Albedo => ALBEDO,
         Role::Normal => NORMAL,
         Role::Visibility => VISIBILITY,
     }
+}
+
+/// Names of colour that says it is noisy.
+pub fn noisy() -> &'static [Known] {
+    NOISY
+}
+
+/// Whether a name (lower-case, last segment) is that of a whole picture, not of one light or component of it.
+pub fn is_colour(name: &str) -> bool {
+    COLOUR.iter().any(|known| known.pattern.stem(name) == Some(""))
+}
+
+/// What a name that says it is noisy is the noisy version of: `beauty` of `beauty_noisy`, nothing of `noisy`. `None` for
+/// other names.
+pub fn noisy_stem(name: &str) -> Option<&str> {
+    NOISY.iter().find_map(|known| known.pattern.stem(name)).filter(|stem| stem.is_empty() || is_colour(stem))
 }
 
 /// The component endings of a role, best first; each is a full set.
@@ -91,20 +167,22 @@ pub fn component_sets(role: Role) -> &'static [&'static [&'static str]] {
     }
 }
 
+/// Endings of a grey picture's only component.
+pub const GREY: &[&str] = &["y", "l"];
+
 /// Channels of a role: 3, or 1 for visibility.
 pub fn component_count(role: Role) -> usize {
     if role == Role::Visibility { 1 } else { 3 }
 }
 
 impl Pattern {
-    /// Whether the lower-case layer path `base` goes by this name.
-    pub fn matches(self, base: &str) -> bool {
-        let last = base.rsplit('.').next().unwrap_or("");
+    /// What of a lower-case name is left of this: nothing of a whole name, the name before a suffix. `None` for names that
+    /// it does not match.
+    pub fn stem(self, name: &str) -> Option<&str> {
         match self {
-            Whole("") => base.is_empty(),
-            Whole(name) => base == name || base.strip_suffix(name).is_some_and(|rest| rest.ends_with('.')),
-            Starts(start) => last.starts_with(start),
-            Ends(end) => last.ends_with(end),
+            Whole(whole) => (name == whole).then_some(""),
+            Starts(start) => name.starts_with(start).then_some(""),
+            Suffix(end) => name.strip_suffix(end).filter(|stem| !stem.is_empty()),
         }
     }
 }
@@ -115,59 +193,9 @@ impl fmt::Display for Pattern {
             Whole("") => out.write_str("R,G,B"),
             Whole(name) => out.write_str(name),
             Starts(start) => write!(out, "{start}*"),
-            Ends(end) => write!(out, "*{end}"),
+            Suffix(end) => write!(out, "*{end}"),
         }
     }
-}
-
-/// Takes the mark of a half out of a layer path: `albedo.even` is `albedo` of half a.
-///
-/// Marks: a segment `even`, `odd`, `a` or `b`; an ending or beginning `even`/`odd` or an ending `a`/`b` set off
-/// by `_`, `-` or a space; an ending capital `A` or `B` after a small letter or digit (`albedoA`, but not `RGBA`).
-/// Returns the path without the mark, in its own case.
-pub fn split_half(path: &str) -> (String, Option<Buffer>) {
-    let segments: Vec<&str> = if path.is_empty() { Vec::new() } else { path.split('.').collect() };
-    for (i, segment) in segments.iter().enumerate() {
-        if let Some((rest, half)) = segment_half(segment) {
-            let kept = segments[..i].iter().copied().chain(Some(rest).filter(|rest| !rest.is_empty()));
-            let kept: Vec<&str> = kept.chain(segments[i + 1..].iter().copied()).collect();
-            return (kept.join("."), Some(half));
-        }
-    }
-    (path.to_string(), None)
-}
-
-fn segment_half(segment: &str) -> Option<(&str, Buffer)> {
-    const MARKS: [(&str, Buffer); 4] = [("even", Buffer::A), ("odd", Buffer::B), ("a", Buffer::A), ("b", Buffer::B)];
-    let separator = |c: char| matches!(c, '_' | '-' | ' ');
-    for (mark, half) in MARKS {
-        if segment.eq_ignore_ascii_case(mark) {
-            return Some(("", half));
-        }
-        if let Some(rest) = strip_suffix_ignoring_case(segment, mark)
-            && rest.ends_with(separator)
-        {
-            return Some((&rest[..rest.len() - 1], half));
-        }
-        if mark.len() > 1
-            && let Some(rest) = segment.get(..mark.len()).filter(|head| head.eq_ignore_ascii_case(mark))
-            && segment[rest.len()..].starts_with(separator)
-        {
-            return Some((&segment[rest.len() + 1..], half));
-        }
-    }
-    let (half, rest) = match (segment.strip_suffix('A'), segment.strip_suffix('B')) {
-        (Some(rest), _) => (Buffer::A, rest),
-        (_, Some(rest)) => (Buffer::B, rest),
-        _ => return None,
-    };
-    rest.ends_with(|c: char| c.is_ascii_lowercase() || c.is_ascii_digit()).then_some((rest, half))
-}
-
-fn strip_suffix_ignoring_case<'a>(text: &'a str, suffix: &str) -> Option<&'a str> {
-    let at = text.len().checked_sub(suffix.len())?;
-    let tail = text.get(at..)?;
-    tail.eq_ignore_ascii_case(suffix).then(|| &text[..at])
 }
 
 #[cfg(test)]
@@ -175,36 +203,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn marks_of_halves_are_found_and_look_alikes_are_not() {
-        let a = Some(Buffer::A);
-        let b = Some(Buffer::B);
-        for (path, rest, half) in [
-            ("albedoA", "albedo", a),
-            ("randImgB", "randImg", b),
-            ("albedo.even", "albedo", a),
-            ("odd.albedo", "albedo", b),
-            ("Ci_odd", "Ci", b),
-            ("even_Ci", "Ci", a),
-            ("beauty_a", "beauty", a),
-            ("a", "", a),
-            ("RGBA", "RGBA", None),
-            ("rgba", "rgba", None),
-            ("", "", None),
-            ("camera", "camera", None),
-            ("ViewLayer.Combined", "ViewLayer.Combined", None),
-            ("evening", "evening", None),
-            ("éA", "éA", None),
-        ] {
-            assert_eq!(split_half(path), (rest.to_string(), half), "{path}");
-        }
+    fn names_and_what_they_are_made_of() {
+        assert_eq!(Whole("combined").stem("combined"), Some(""));
+        assert_eq!(Whole("combined").stem("recombined"), None);
+        assert_eq!(Suffix("_denoised").stem("rgba_key_denoised"), Some("rgba_key"));
+        assert_eq!(Suffix("_denoised").stem("_denoised"), None);
+        assert_eq!((noisy_stem("noisy image"), noisy_stem("beauty_noisy")), (Some(""), Some("beauty")));
+        assert_eq!((noisy_stem("diffuse_noisy"), noisy_stem("beauty")), (None, None));
+        assert!(is_colour("") && is_colour("rgba") && !is_colour("rgba_key"));
     }
 
     #[test]
-    fn names_match_whole_segments_from_the_end() {
-        assert!(COMBINED.matches("viewlayer.combined"));
-        assert!(!COMBINED.matches("recombined"));
-        assert!(Whole("").matches(""));
-        assert!(!Whole("").matches("albedo"));
-        assert!(Ends("_denoised").matches("x.beauty_denoised"));
+    fn every_name_is_lower_case_and_has_a_source() {
+        let all = Role::ALL.iter().flat_map(|role| candidates(*role)).chain(noisy());
+        for Known { pattern, source } in all {
+            let (Whole(name) | Starts(name) | Suffix(name)) = pattern;
+            assert_eq!(*name, name.to_lowercase());
+            assert!(!source.is_empty(), "{pattern}");
+        }
     }
 }

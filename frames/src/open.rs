@@ -1,11 +1,13 @@
 //! A frame whose headers are read and whose rows are decoded when they are asked for, so that memory need not grow with
 //! the picture.
 
+use crate::align::Placing;
 use crate::checks::Inspection;
 use crate::error::Error;
 use crate::files::FrameFiles;
+use crate::output::OutputPlan;
 use crate::overrides::RoleOverrides;
-use crate::resolve::{Resolution, resolve};
+use crate::resolve::{Filled, Resolution, resolve};
 use rayon::prelude::*;
 use sspc_image::{Buffer, Frame, FrameRows, HalfBuffer, Image, Role, RoleSource};
 use std::borrow::Cow;
@@ -15,8 +17,6 @@ use std::ops::Range;
 /// Files whose channels are known to make a frame.
 pub struct OpenFrame {
     resolution: Resolution,
-    height: usize,
-    width: usize,
 }
 
 impl OpenFrame {
@@ -25,21 +25,50 @@ impl OpenFrame {
     /// # Errors
     /// As [`resolve`].
     pub fn open(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Self, Error> {
-        let resolution = resolve(files, overrides)?;
-        let Some(radiance) = resolution.get(Role::Radiance, Buffer::A) else {
-            // resolve() has refused frames without colour.
-            unreachable!("a resolved frame has colour");
-        };
-        let window = resolution.files[radiance.file].channels[radiance.channels[0]].window;
-        Ok(Self { height: window.height, width: window.width, resolution })
+        Ok(Self { resolution: resolve(files, overrides)? })
     }
 
     pub fn height(&self) -> usize {
-        self.height
+        self.resolution.window.height
     }
 
     pub fn width(&self) -> usize {
-        self.width
+        self.resolution.window.width
+    }
+
+    /// The frame's pixels in half a's coordinates.
+    pub fn placing(&self) -> Placing {
+        let radiance = self.resolution.radiance();
+        let display = Placing::of(&self.resolution.files[radiance.file], radiance.channels[0]).display;
+        Placing { window: self.resolution.window, display }
+    }
+
+    /// What is known from headers alone: layers passed over, views that stay, windows that differ.
+    pub fn notes(&self) -> &[String] {
+        &self.resolution.warnings
+    }
+
+    /// The output of this frame: its picture in a copy of half a. Everything that could make the output impossible is
+    /// found here.
+    ///
+    /// # Errors
+    /// As [`OutputPlan::of_frame`].
+    pub fn output(&self) -> Result<OutputPlan, Error> {
+        OutputPlan::of_frame(&self.resolution)
+    }
+
+    /// All rows, looked over: values as in the files, NaN and Inf included.
+    ///
+    /// # Errors
+    /// As [`Self::rows`] and [`Self::warnings`].
+    pub fn read(&self) -> Result<Frame, Error> {
+        let rows = 0..self.height();
+        let mut frame = self.rows(rows.clone())?;
+        let mut inspection = self.inspection();
+        inspection.look(&frame, 0, rows);
+        frame.sources = self.sources();
+        frame.warnings = self.warnings(&inspection)?;
+        Ok(frame)
     }
 
     /// Planes of all roles together.
@@ -60,14 +89,11 @@ impl OpenFrame {
     /// # Panics
     /// When the rows leave the picture.
     pub fn rows(&self, rows: Range<usize>) -> Result<Frame, Error> {
-        assert!(rows.start < rows.end && rows.end <= self.height, "rows {rows:?} of {}", self.height);
+        assert!(rows.start < rows.end && rows.end <= self.height(), "rows {rows:?} of {}", self.height());
         let of_file = |at: usize| {
             let wanted: Vec<_> = self.resolution.filled.iter().filter(|filled| filled.file == at).collect();
-            let groups: Vec<Vec<usize>> = wanted.iter().map(|filled| filled.channels.clone()).collect();
-            let images = match groups.is_empty() {
-                true => Vec::new(),
-                false => self.resolution.files[at].rows(&groups, rows.clone())?,
-            };
+            let part = |filled: &&Filled| (filled.channels.clone(), filled.window.rows(rows.clone()));
+            let images = self.resolution.files[at].windows(&wanted.iter().map(part).collect::<Vec<_>>())?;
             Ok(wanted.into_iter().map(|filled| (filled.role, filled.buffer)).zip(images).collect::<Vec<_>>())
         };
         let files = (0..self.resolution.files.len()).into_par_iter();
@@ -85,7 +111,7 @@ impl OpenFrame {
 
     /// An inspection that has looked at nothing yet.
     pub fn inspection(&self) -> Inspection {
-        Inspection::new(self.height, self.width)
+        Inspection::new(self.height(), self.width())
     }
 
     /// Everything a person should know, when `inspection` has looked at all rows.

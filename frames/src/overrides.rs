@@ -40,6 +40,9 @@ pub enum Choice {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RoleOverrides {
     choices: BTreeMap<(Role, Buffer), Choice>,
+    view: Option<String>,
+    /// All views are corrected, each in turn.
+    all_views: bool,
 }
 
 impl RoleOverrides {
@@ -81,6 +84,27 @@ impl RoleOverrides {
     /// The choice for a role of a buffer, if the user made one.
     pub fn get(&self, role: Role, buffer: Buffer) -> Option<&Choice> {
         self.choices.get(&(role, buffer))
+    }
+
+    /// The same for a view of a stereo file, by its name; without one, the default view is meant.
+    pub fn of_view(mut self, view: Option<String>) -> Self {
+        self.view = view;
+        self
+    }
+
+    /// The same, where every other view has its turn as well.
+    pub fn of_each_view(self, view: String) -> Self {
+        Self { all_views: true, ..self.of_view(Some(view)) }
+    }
+
+    /// Whether every view has its turn.
+    pub fn all_views(&self) -> bool {
+        self.all_views
+    }
+
+    /// The view that was asked for.
+    pub fn view(&self) -> Option<&str> {
+        self.view.as_deref()
     }
 
     /// The files that overrides name: none of them may be an output.

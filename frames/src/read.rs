@@ -1,12 +1,13 @@
 //! The frame, the reference and single pictures, read and checked.
 
+use crate::align::{Placing, window_like};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
 use crate::files::FrameFiles;
-use crate::layers::Layers;
+use crate::layers::{Layers, Reading};
 use crate::open::OpenFrame;
 use crate::overrides::RoleOverrides;
-use sspc_image::{Buffer, Frame, Image, Reference, Role};
+use sspc_image::{Buffer, Frame, Image, Reference};
 use std::path::Path;
 
 /// Reads a frame: finds its roles, decodes only their channels, and checks that the halves can be what they
@@ -15,34 +16,28 @@ use std::path::Path;
 /// # Errors
 /// Every variant of [`Error`] of kind input, and [`Error::Override`] never (overrides are parsed before).
 pub fn read_frame(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Frame, Error> {
-    let open = OpenFrame::open(files, overrides)?;
-    let rows = 0..open.height();
-    let mut frame = open.rows(rows.clone())?;
-    let mut inspection = open.inspection();
-    inspection.look(&frame, 0, rows);
-    frame.sources = open.sources();
-    frame.warnings = open.warnings(&inspection)?;
-    Ok(frame)
+    OpenFrame::open(files, overrides)?.read()
 }
 
-/// What another picture must agree with in size.
+/// A picture that another one must cover.
 #[derive(Clone, Copy, Debug)]
 pub struct Like<'a> {
-    pub image: &'a Image,
     pub path: &'a Path,
+    pub placing: Placing,
 }
 
 /// Reads a reference: its colour, and its two halves when it has layers marked a and b (or even and odd).
 /// Without colour of its own, the mean of the halves is the reference.
 ///
 /// # Errors
-/// A file that cannot be read, has neither colour nor halves, or differs in size from `like`.
+/// A file that cannot be read, has neither colour nor halves, or does not cover `like`.
 pub fn read_reference(path: &Path, like: Option<Like>) -> Result<Reference, Error> {
     let purpose = Purpose::Reference;
     let file = ExrFile::open(path, purpose)?;
     let layers = Layers::of(&file);
-    let mean = layers.find(Role::Radiance, None);
-    let halves = layers.find(Role::Radiance, Some(Buffer::A)).zip(layers.find(Role::Radiance, Some(Buffer::B)));
+    let mean = layers.noisy_colour(Reading::Unmarked, 0);
+    let half = |buffer| layers.noisy_colour(Reading::Marked(buffer), 0);
+    let halves = half(Buffer::A).zip(half(Buffer::B));
     let mut groups: Vec<Vec<usize>> = mean.iter().map(|hit| hit.channels.clone()).collect();
     if let Some((a, b)) = &halves {
         groups.extend([a.channels.clone(), b.channels.clone()]);
@@ -51,8 +46,7 @@ pub fn read_reference(path: &Path, like: Option<Like>) -> Result<Reference, Erro
         let expected = "R,G,B, or both halves as a.R,a.G,a.B and b.R,b.G,b.B".to_string();
         return Err(Error::MissingRole { path: path.into(), purpose, expected, found: layers.summary() });
     }
-    check_like(&file, &groups, like)?;
-    let mut images = file.images(&groups)?;
+    let (mut images, _) = images_like(&file, groups, like)?;
     let halves = halves.is_some().then(|| {
         let b = images.pop();
         let a = images.pop();
@@ -70,38 +64,35 @@ pub fn read_reference(path: &Path, like: Option<Like>) -> Result<Reference, Erro
 /// Reads the colour that a viewer would show, `[3, H, W]`: the root's R,G,B, Cycles' Combined, Beauty, ...
 ///
 /// # Errors
-/// A file that cannot be read, has no colour, or differs in size from `like`.
+/// A file that cannot be read, has no colour, or does not cover `like`.
 pub fn read_picture(path: &Path, like: Option<Like>) -> Result<Image, Error> {
+    read_placed_picture(path, like).map(|(image, _)| image)
+}
+
+/// The same, and where its pixels lie.
+///
+/// # Errors
+/// As [`read_picture`].
+pub fn read_placed_picture(path: &Path, like: Option<Like>) -> Result<(Image, Placing), Error> {
     let purpose = Purpose::Picture;
     let file = ExrFile::open(path, purpose)?;
     let layers = Layers::of(&file);
-    let Some(hit) = layers.find_picture() else {
+    let Some(hit) = layers.shown_colour() else {
         let expected = "R,G,B, Combined or Beauty".to_string();
         return Err(Error::MissingRole { path: path.into(), purpose, expected, found: layers.summary() });
     };
-    let groups = [hit.channels];
-    check_like(&file, &groups, like)?;
-    let mut images = file.images(&groups)?;
-    Ok(images.swap_remove(0))
+    let (mut images, placing) = images_like(&file, vec![hit.channels], like)?;
+    Ok((images.swap_remove(0), placing))
 }
 
-fn check_like(file: &ExrFile, groups: &[Vec<usize>], like: Option<Like>) -> Result<(), Error> {
-    let Some(first) = groups.first().and_then(|group| group.first()) else { return Ok(()) };
-    let first = file.channels[*first].window;
-    let (width, height, path) = match like {
-        Some(like) => (like.image.width(), like.image.height(), like.path),
-        None => (first.width, first.height, file.path.as_path()),
-    };
-    for window in groups.iter().flatten().map(|&at| file.channels[at].window) {
-        if (window.width, window.height) != (width, height) {
-            return Err(Error::SizeMismatch {
-                path: file.path.clone(),
-                purpose: file.purpose,
-                expected: format!("{width}x{height}"),
-                found: window.to_string(),
-                like: path.into(),
-            });
-        }
+/// Groups of channels where `like` is; without it, where the first of them is.
+fn images_like(file: &ExrFile, groups: Vec<Vec<usize>>, like: Option<Like>) -> Result<(Vec<Image>, Placing), Error> {
+    let own = Placing::of(file, groups[0][0]);
+    let Like { path, placing } = like.unwrap_or(Like { path: &file.path, placing: own });
+    let mut windows = Vec::new();
+    for group in groups {
+        let (window, _) = window_like(file, &group, &placing, path)?;
+        windows.push((group, window));
     }
-    Ok(())
+    Ok((file.windows(&windows)?, placing))
 }

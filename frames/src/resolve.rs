@@ -1,11 +1,14 @@
 //! Roles to channels of files: the user's overrides first, then files given for one role, then recognised names.
 
+use crate::align::{Aligned, align};
 use crate::error::{Error, Purpose};
-use crate::exr_file::{ExrFile, Window};
+use crate::exr_file::ExrFile;
 use crate::files::FrameFiles;
-use crate::layers::{Hit, Layers};
-use crate::names::{candidates, component_count};
+use crate::layers::{Layers, Reading};
+use crate::names::{candidates, component_count, noisy};
 use crate::overrides::{Choice, RoleOverrides, Selection};
+use crate::search::{Anchor, Found, Hit};
+use crate::window::Window;
 use sspc_image::{Buffer, Role, RoleSource, shown};
 use std::path::{Path, PathBuf};
 
@@ -18,12 +21,16 @@ pub struct Filled {
     pub file: usize,
     /// Indices into the file's channels, in component order.
     pub channels: Vec<usize>,
+    /// Where the frame's pixels lie in the file, in the file's coordinates.
+    pub window: Window,
 }
 
 /// Every role that could be filled, and from where.
 pub struct Resolution {
     pub files: Vec<ExrFile>,
     pub filled: Vec<Filled>,
+    /// The pixels that all roles have, in half a's coordinates.
+    pub window: Window,
     pub warnings: Vec<String>,
 }
 
@@ -31,6 +38,14 @@ impl Resolution {
     /// The channels chosen for a role, if any.
     pub fn get(&self, role: Role, buffer: Buffer) -> Option<&Filled> {
         self.filled.iter().find(|filled| (filled.role, filled.buffer) == (role, buffer))
+    }
+
+    /// The noisy colour of half a, which every frame has.
+    pub fn radiance(&self) -> &Filled {
+        match self.get(Role::Radiance, Buffer::A) {
+            Some(radiance) => radiance,
+            None => unreachable!("resolve() has refused frames without colour"),
+        }
     }
 
     /// What the report says about one role.
@@ -41,45 +56,56 @@ impl Resolution {
     }
 }
 
+/// The views of a frame's half a: more than one in stereo files, none in others.
+///
+/// # Errors
+/// What opening the file can raise.
+pub fn views(files: &FrameFiles) -> Result<Vec<String>, Error> {
+    Ok(ExrFile::open(&files.a, Purpose::Role(Role::Radiance, Buffer::A))?.views)
+}
+
 /// Finds the channels of every role, reading headers only.
 ///
 /// # Errors
-/// Files that cannot be read, a missing required role, an override that names no channel, and sizes that differ.
+/// Files that cannot be read, a missing required role, an override that names no channel, and windows without anything in
+/// common.
 pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resolution, Error> {
-    let mut search = Search { given: files, overrides, opened: Vec::new(), warnings: Vec::new() };
-    let mut filled = Vec::new();
+    let mut search =
+        Search { given: files, overrides, opened: Vec::new(), anchors: [None, None], warnings: Vec::new() };
+    let mut filled: Vec<Filled> = Vec::new();
     for role in Role::ALL {
         for buffer in [Buffer::A, Buffer::B, Buffer::Full] {
             if buffer != Buffer::Full || role == Role::Denoised {
-                filled.extend(search.fill(role, buffer)?);
+                let half_a = filled.iter().find(|known| (known.role, known.buffer) == (role, Buffer::A)).cloned();
+                filled.extend(search.fill(role, buffer, half_a.as_ref())?);
             }
         }
     }
     drop_lonely_features(&mut filled, &search.opened, &mut search.warnings);
-    let files: Vec<ExrFile> = search.opened.into_iter().map(|(file, _)| file).collect();
-    let resolution = Resolution { files, filled, warnings: search.warnings };
-    check_sizes(&resolution)?;
-    Ok(resolution)
+    search.name_other_views();
+    let Search { opened, mut warnings, .. } = search;
+    let files: Vec<ExrFile> = opened.into_iter().map(|(file, _)| file).collect();
+    let Aligned { window, said } = align(&files, &mut filled)?;
+    warnings.extend(said);
+    Ok(Resolution { files, filled, window, warnings })
 }
 
 struct Search<'a> {
     given: &'a FrameFiles,
     overrides: &'a RoleOverrides,
     opened: Vec<(ExrFile, Layers)>,
+    /// Where the noisy colour of half a and of half b is.
+    anchors: [Option<Anchor>; 2],
     warnings: Vec<String>,
 }
 
 impl Search<'_> {
-    fn fill(&mut self, role: Role, buffer: Buffer) -> Result<Option<Filled>, Error> {
+    fn fill(&mut self, role: Role, buffer: Buffer, half_a: Option<&Filled>) -> Result<Option<Filled>, Error> {
         let purpose = Purpose::Role(role, buffer);
         let (file, hit) = match self.overrides.get(role, buffer).cloned() {
             Some(Choice::Absent) => return Ok(None),
-            Some(Choice::From { file: Some(path), selection }) => {
-                let file = self.open(&path, purpose)?;
-                (file, Some(self.chosen(file, role, buffer, &selection)?))
-            }
-            Some(Choice::From { file: None, selection }) => {
-                let path = self.home(role, buffer);
+            Some(Choice::From { file: path, selection }) => {
+                let path = path.unwrap_or_else(|| self.home(role, buffer));
                 let file = self.open(&path, purpose)?;
                 (file, Some(self.chosen(file, role, buffer, &selection)?))
             }
@@ -88,18 +114,65 @@ impl Search<'_> {
                     let file = self.open(&path, purpose)?;
                     (file, Some(self.chosen(file, role, buffer, &Selection::Recognised)?))
                 }
-                None => self.recognise(role, buffer)?,
+                None => self.recognise(role, buffer, half_a)?,
             },
         };
         let Some(hit) = hit else {
             let required = buffer != Buffer::Full && matches!(role, Role::Radiance | Role::Denoised);
             return if required { Err(self.missing(file, role, buffer)) } else { Ok(None) };
         };
-        if let (Some(other), Buffer::A) = (hit.passed_over.first(), buffer) {
-            let taken = &self.opened[file].0.channels[hit.channels[0]].name;
-            self.warnings.push(format!("{purpose}: took {}, passed over {}", shown(taken), shown(other)));
+        if buffer == Buffer::A {
+            self.tell_of(&hit, file, purpose);
         }
-        Ok(Some(Filled { role, buffer, file, channels: hit.channels }))
+        if role == Role::Radiance {
+            let anchor = self.opened[file].1.anchor(&hit.channels, self.reading(buffer));
+            self.anchors[usize::from(buffer == Buffer::B)] = anchor;
+        }
+        let window = self.opened[file].0.channels[hit.channels[0]].window;
+        Ok(Some(Filled { role, buffer, file, channels: hit.channels, window }))
+    }
+
+    fn tell_of(&mut self, hit: &Hit, file: usize, purpose: Purpose) {
+        let taken = &self.opened[file].0.channels[hit.channels[0]].name;
+        if let Some(other) = hit.passed_over.first() {
+            self.warnings.push(format!("{purpose}: took {}, passed over {}", shown(taken), shown(other)));
+        } else if hit.is_elsewhere {
+            self.warnings.push(format!("{purpose}: took {}, which is not in the noisy colour's layer", shown(taken)));
+        }
+    }
+
+    /// How names are read: with two files, marks of halves mean nothing.
+    fn reading(&self, buffer: Buffer) -> Reading {
+        match (self.given.b.is_some(), buffer) {
+            (true, _) => Reading::Plain,
+            (false, Buffer::Full) => Reading::Unmarked,
+            (false, half) => Reading::Marked(half),
+        }
+    }
+
+    fn anchor(&self, buffer: Buffer) -> Option<&Anchor> {
+        self.anchors[usize::from(buffer == Buffer::B)].as_ref()
+    }
+
+    /// The number of the view that was asked for.
+    fn view(&self, file: usize, role: Role, buffer: Buffer) -> Result<usize, Error> {
+        let (file, layers) = &self.opened[file];
+        let Some(wanted) = self.overrides.view() else { return Ok(0) };
+        let found = layers.views.iter().position(|view| view.eq_ignore_ascii_case(wanted));
+        // Files of one role need not say which view they are of, unless they would serve several.
+        let needs_none = layers.views.is_empty() && !self.overrides.all_views();
+        match found.or(needs_none.then_some(0)) {
+            Some(view) => Ok(view),
+            None => Err(Error::MissingRole {
+                path: file.path.clone(),
+                purpose: Purpose::Role(role, buffer),
+                expected: format!("the view '{}'", shown(wanted)),
+                found: match layers.views.is_empty() {
+                    true => "a file without views".to_string(),
+                    false => format!("the views {}", shown(&layers.views.join(", "))),
+                },
+            }),
+        }
     }
 
     /// The file a role comes from when nothing else is said.
@@ -109,47 +182,95 @@ impl Search<'_> {
         own.or(half).unwrap_or(&self.given.a).clone()
     }
 
-    fn recognise(&mut self, role: Role, buffer: Buffer) -> Result<(usize, Option<Hit>), Error> {
+    fn recognise(
+        &mut self,
+        role: Role,
+        buffer: Buffer,
+        half_a: Option<&Filled>,
+    ) -> Result<(usize, Option<Hit>), Error> {
         let path = self.home(role, buffer);
         let file = self.open(&path, Purpose::Role(role, buffer))?;
-        let layers = &self.opened[file].1;
-        let hit = match (self.given.b.is_some(), buffer) {
+        let view = self.view(file, role, buffer)?;
+        if self.given.b.is_some() && buffer == Buffer::Full {
             // A file of one half does not hold the full buffer.
-            (true, Buffer::Full) => None,
-            (true, half) => layers.find(role, None).or_else(|| layers.find(role, Some(half))),
-            (false, Buffer::Full) => layers.find(role, None),
-            (false, half) => {
-                let marked = layers.find(role, Some(half));
-                let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
-                let shared = if is_feature && marked.is_none() { layers.find(role, None) } else { None };
-                if shared.is_some() && buffer == Buffer::A {
-                    self.warnings
-                        .push(format!("{role}: one layer serves both halves, so its noise is not independent"));
-                }
-                marked.or(shared)
+            return Ok((file, None));
+        }
+        if let Some(names) = half_a.filter(|half| buffer == Buffer::B && self.is_own(half)).map(|half| self.names(half))
+        {
+            return Ok((file, self.same_names(file, role, &names)?));
+        }
+        let layers = &self.opened[file].1;
+        if role == Role::Radiance {
+            return Ok((file, layers.noisy_colour(self.reading(buffer), view)));
+        }
+        // Features of a frame whose noisy colour is in another file are looked for beside what is noisy in this one.
+        let anchor = self.anchor(buffer).cloned().or_else(|| {
+            let reading = self.reading(buffer);
+            layers.noisy_colour(reading, view).and_then(|hit| layers.anchor(&hit.channels, reading))
+        });
+        let Some(anchor) = anchor else { return Ok((file, None)) };
+        let Found { hit, foreign } = layers.beside(role, self.reading(buffer), &anchor);
+        let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
+        let may_share = is_feature && hit.is_none() && self.given.b.is_none();
+        let shared = if may_share { layers.beside(role, Reading::Unmarked, &anchor).hit } else { None };
+        if buffer == Buffer::A {
+            if shared.is_some() {
+                self.warnings.push(format!("{role}: one layer serves both halves, so its noise is not independent"));
+            } else if let (None, Some(other)) = (&hit, foreign.first()) {
+                let belongs = "belongs to another layer than the noisy colour and is not used";
+                self.warnings.push(format!("{role}: {} {belongs}", shown(other)));
             }
-        };
-        Ok((file, hit))
+        }
+        Ok((file, hit.or(shared)))
+    }
+
+    /// Whether a role of half a was recognised in half a's own file.
+    fn is_own(&self, half: &Filled) -> bool {
+        let (role, buffer) = (half.role, Buffer::A);
+        let is_told = self.overrides.get(role, buffer).is_some() || self.given.roles.contains_key(&(role, buffer));
+        self.given.b.is_some() && !is_told
+    }
+
+    fn names(&self, filled: &Filled) -> Vec<String> {
+        filled.channels.iter().map(|&at| self.opened[filled.file].0.channels[at].name.clone()).collect()
+    }
+
+    /// The channels by which half a names a role, in half b: two files of a frame are made alike.
+    fn same_names(&self, file: usize, role: Role, names: &[String]) -> Result<Option<Hit>, Error> {
+        let (exr, layers) = &self.opened[file];
+        let same: Option<Vec<usize>> = names.iter().map(|name| named_channel(exr, name)).collect();
+        let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
+        match same {
+            Some(channels) => Ok(Some(Hit::of(channels))),
+            None if is_feature => Ok(None),
+            None => Err(Error::MissingRole {
+                path: exr.path.clone(),
+                purpose: Purpose::Role(role, Buffer::B),
+                expected: format!("{}, as in half a", shown(&names.join(","))),
+                found: layers.summary(),
+            }),
+        }
     }
 
     fn chosen(&self, file: usize, role: Role, buffer: Buffer, selection: &Selection) -> Result<Hit, Error> {
         let (exr, layers) = &self.opened[file];
+        let view = self.view(file, role, buffer)?;
+        let grey = |at: usize| Hit::of(vec![at; component_count(role)]);
         let hit = match selection {
             Selection::Recognised => {
-                return layers
-                    .find_dedicated(role, Some(buffer).filter(|&half| half != Buffer::Full))
-                    .ok_or_else(|| self.missing(file, role, buffer));
+                let reading =
+                    Some(buffer).filter(|&half| half != Buffer::Full).map_or(Reading::Unmarked, Reading::Marked);
+                let like = self.anchor(buffer).map(|anchor| &anchor.name);
+                let hit = layers.dedicated(role, reading, like, view);
+                return hit.ok_or_else(|| self.missing(file, role, buffer));
             }
-            Selection::Layer(name) => layers.find_named(name, role).or_else(|| {
+            Selection::Layer(name) => {
                 // One channel by its full name is a layer of one component.
-                let only = named_channel(exr, name).filter(|_| component_count(role) == 1)?;
-                Some(Hit { channels: vec![only], passed_over: Vec::new() })
-            }),
-            Selection::Channels(names) => names
-                .iter()
-                .map(|name| named_channel(exr, name))
-                .collect::<Option<Vec<_>>>()
-                .map(|channels| Hit { channels, passed_over: Vec::new() }),
+                layers.named(name, role, view).or_else(|| named_channel(exr, name).map(grey))
+            }
+            Selection::Channels(names) => {
+                names.iter().map(|name| named_channel(exr, name)).collect::<Option<Vec<_>>>().map(Hit::of)
+            }
         };
         hit.ok_or_else(|| {
             let expected = match selection {
@@ -174,19 +295,40 @@ impl Search<'_> {
 
     fn missing(&self, file: usize, role: Role, buffer: Buffer) -> Error {
         let (file, layers) = &self.opened[file];
-        let names: Vec<String> = candidates(role).iter().take(6).map(ToString::to_string).collect();
-        let marked = if self.given.b.is_none() && buffer != Buffer::Full {
-            let mark = if buffer == Buffer::A { "even, a or an ending A" } else { "odd, b or an ending B" };
-            format!(" marked {mark}")
-        } else {
-            String::new()
+        let noisy = if role == Role::Radiance { noisy() } else { &[] };
+        let known = noisy.iter().take(1).chain(candidates(role));
+        let names: Vec<String> = known.take(6).map(|known| known.pattern.to_string()).collect();
+        let marked = match self.reading(buffer) {
+            Reading::Marked(Buffer::A) => " marked even, a or an ending A",
+            Reading::Marked(_) => " marked odd, b or an ending B",
+            _ => "",
         };
         let own = if role == Role::Denoised { " or a file of its own" } else { "" };
+        let proposal = layers.nearest(role, self.anchor(buffer));
+        let proposal = proposal.map(|path| format!("; perhaps --role '{}={path}'", role.name())).unwrap_or_default();
         Error::MissingRole {
             path: file.path.clone(),
             purpose: Purpose::Role(role, buffer),
             expected: format!("a layer such as {}{marked}{own}", names.join(", ")),
-            found: layers.summary(),
+            found: format!("{}{proposal}", layers.summary()),
+        }
+    }
+
+    /// Says which views stay as they are.
+    fn name_other_views(&mut self) {
+        let Some(anchor) = self.anchors[0].as_ref().filter(|_| !self.overrides.all_views()) else { return };
+        let Some((_, layers)) = self.opened.first() else { return };
+        let others: Vec<&str> = layers
+            .views
+            .iter()
+            .enumerate()
+            .filter(|(at, _)| *at != anchor.view)
+            .map(|(_, view)| view.as_str())
+            .collect();
+        if let (Some(own), false) = (layers.views.get(anchor.view), others.is_empty()) {
+            let (own, others) = (shown(own), shown(&others.join(", ")));
+            self.warnings
+                .push(format!("view {own} is corrected, {others} stays as it is (--view names another, or all)"));
         }
     }
 }
@@ -194,12 +336,12 @@ impl Search<'_> {
 /// A channel by its exact name, else without regard to case.
 fn named_channel(file: &ExrFile, name: &str) -> Option<usize> {
     let exact = file.channels.iter().position(|channel| channel.name == name);
-    exact.or_else(|| file.channels.iter().position(|channel| channel.name.eq_ignore_ascii_case(name)))
+    exact.or_else(|| file.channels.iter().position(|channel| channel.name.to_lowercase() == name.to_lowercase()))
 }
 
 /// A feature that only one half has cannot be used.
 fn drop_lonely_features(filled: &mut Vec<Filled>, opened: &[(ExrFile, Layers)], warnings: &mut Vec<String>) {
-    for role in [Role::Albedo, Role::Normal, Role::Visibility] {
+    for role in Role::FEATURES {
         let of_role: Vec<&Filled> = filled.iter().filter(|filled| filled.role == role).collect();
         if let [lonely] = of_role.as_slice() {
             let path = opened[lonely.file].0.path.display();
@@ -207,31 +349,4 @@ fn drop_lonely_features(filled: &mut Vec<Filled>, opened: &[(ExrFile, Layers)], 
             filled.retain(|filled| filled.role != role);
         }
     }
-}
-
-fn check_sizes(resolution: &Resolution) -> Result<(), Error> {
-    let Some(first) = resolution.get(Role::Radiance, Buffer::A) else { return Ok(()) };
-    let like = &resolution.files[first.file];
-    let window = like.channels[first.channels[0]].window;
-    for filled in &resolution.filled {
-        let file = &resolution.files[filled.file];
-        // Denoisers that pass through other formats lose the window's position; halves may not.
-        let positioned = filled.role == Role::Radiance;
-        for found in filled.channels.iter().map(|&at| file.channels[at].window) {
-            if !same_size(window, found) || (positioned && window != found) {
-                return Err(Error::SizeMismatch {
-                    path: file.path.clone(),
-                    purpose: Purpose::Role(filled.role, filled.buffer),
-                    expected: window.to_string(),
-                    found: found.to_string(),
-                    like: like.path.clone(),
-                });
-            }
-        }
-    }
-    Ok(())
-}
-
-fn same_size(a: Window, b: Window) -> bool {
-    (a.width, a.height) == (b.width, b.height)
 }

@@ -6,9 +6,10 @@
 //!          | "%0" N "d"    N digits at least: shot.%04d.exr
 //!          | "%d"          no padding
 //! frames  := range ("," range)*
-//! range   := N | N "-" M | N "-" M "x" S       every S-th frame from N, at most M
+//! range   := N | N "-" M | N "-" M ("x" | ":") S     every S-th frame from N, at most M; `:` is OpenJD's form
 //! ```
-//! Frame numbers are 0 to 999 999 999; a list may name a frame twice, it is kept once, in the order first named.
+//! Frame numbers are -999 999 999 to 999 999 999 (`-5--1` are five frames, `%04d` of -5 is `-005`, as in C); a list may name
+//! a frame twice, it is kept once, in the order first named.
 
 use crate::error::Error;
 use sspc_image::shown;
@@ -16,8 +17,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Largest frame number.
-pub const MAX_FRAME: u32 = 999_999_999;
+/// Largest frame number; its negative is the smallest.
+pub const MAX_FRAME: i32 = 999_999_999;
 /// Most frames of one list: a feature film has about 200 000.
 pub const MAX_FRAMES: usize = 1_000_000;
 /// Widest padding.
@@ -38,16 +39,15 @@ impl Pattern {
     }
 
     /// The file of one frame.
-    pub fn path(&self, frame: u32) -> PathBuf {
+    pub fn path(&self, frame: i32) -> PathBuf {
         let width = self.digits;
         PathBuf::from(format!("{}{frame:0width$}{}", self.before, self.after))
     }
 
     /// The frame number of a file of this pattern; `None` for other files. The inverse of [`Pattern::path`].
-    pub fn frame_of(&self, path: &Path) -> Option<u32> {
+    pub fn frame_of(&self, path: &Path) -> Option<i32> {
         let number = path.to_str()?.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
-        let plain = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
-        let frame = number.parse().ok().filter(|frame| plain && *frame <= MAX_FRAME)?;
+        let frame = frame_number(number)?;
         (self.path(frame) == path).then_some(frame)
     }
 }
@@ -108,25 +108,25 @@ fn find_percent(text: &str) -> Option<(usize, usize, usize)> {
 /// Frames in the order they were named, each once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frames {
-    list: Vec<u32>,
+    list: Vec<i32>,
 }
 
 impl Frames {
     /// The frame numbers, at least one.
-    pub fn as_slice(&self) -> &[u32] {
+    pub fn as_slice(&self) -> &[i32] {
         &self.list
     }
 
     /// Frames from a list of numbers, duplicates dropped.
-    pub fn from_numbers(numbers: impl IntoIterator<Item = u32>) -> Self {
+    pub fn from_numbers(numbers: impl IntoIterator<Item = i32>) -> Self {
         let mut seen = std::collections::HashSet::new();
         Self { list: numbers.into_iter().filter(|number| seen.insert(*number)).collect() }
     }
 }
 
 impl<'a> IntoIterator for &'a Frames {
-    type Item = u32;
-    type IntoIter = std::iter::Copied<std::slice::Iter<'a, u32>>;
+    type Item = i32;
+    type IntoIter = std::iter::Copied<std::slice::Iter<'a, i32>>;
 
     fn into_iter(self) -> Self::IntoIter {
         self.list.iter().copied()
@@ -161,7 +161,7 @@ impl fmt::Display for Frames {
             let last = rest[run - 1];
             match run {
                 1 => write!(out, "{separator}{first}")?,
-                _ if last - first == run as u32 - 1 => write!(out, "{separator}{first}-{last}")?,
+                _ if last - first == run as i32 - 1 => write!(out, "{separator}{first}-{last}")?,
                 _ => write!(out, "{separator}{first}-{last}x{}", rest[1] - first)?,
             }
             separator = ",";
@@ -172,15 +172,16 @@ impl fmt::Display for Frames {
 }
 
 /// How many frames from the start have one step; two frames make a run only when they follow each other.
-fn run_length(list: &[u32]) -> usize {
-    let Some(step) = list.get(1).and_then(|second| second.checked_sub(list[0])) else { return 1 };
-    let run = 1 + list.windows(2).take_while(|pair| pair[1].checked_sub(pair[0]) == Some(step)).count();
+fn run_length(list: &[i32]) -> usize {
+    let rises = |pair: &[i32]| Some(pair[1] - pair[0]).filter(|step| *step > 0);
+    let Some(step) = list.get(..2).and_then(rises) else { return 1 };
+    let run = 1 + list.windows(2).take_while(|pair| rises(pair) == Some(step)).count();
     if run == 2 && step > 1 { 1 } else { run }
 }
 
 struct Range {
-    first: u32,
-    last: u32,
+    first: i32,
+    last: i32,
     step: usize,
 }
 
@@ -194,27 +195,36 @@ fn wrong_frames(text: &str, expected: &str, found: &str) -> Error {
     Error::Pattern { text: shown(text), expected: expected.to_string(), found: shown(found) }
 }
 
+/// Digits with or without a minus sign, nothing else.
+fn frame_number(text: &str) -> Option<i32> {
+    let digits = text.strip_prefix('-').unwrap_or(text);
+    let plain = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+    text.parse::<i32>().ok().filter(|number| plain && number.abs() <= MAX_FRAME)
+}
+
 fn parse_range(text: &str, part: &str) -> Result<Range, Error> {
     let number = |digits: &str| {
-        let plain = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
-        let parsed = digits.parse::<u32>().ok().filter(|number| plain && *number <= MAX_FRAME);
-        parsed
-            .ok_or_else(|| wrong_frames(text, &format!("frame numbers from 0 to {MAX_FRAME}"), &format!("'{digits}'")))
+        let expected = format!("frame numbers from -{MAX_FRAME} to {MAX_FRAME}");
+        frame_number(digits).ok_or_else(|| wrong_frames(text, &expected, &format!("'{digits}'")))
     };
-    let Some((first, rest)) = part.split_once('-') else {
+    // A minus sign at the start belongs to the number.
+    let dash = part.char_indices().skip(1).find(|(_, c)| *c == '-').map(|(at, _)| at);
+    let Some(dash) = dash else {
         let frame = number(part)?;
         return Ok(Range { first: frame, last: frame, step: 1 });
     };
-    let (last, step) = match rest.split_once('x') {
+    let (first, rest) = (&part[..dash], &part[dash + 1..]);
+    let (last, step) = match rest.split_once(['x', ':']) {
         Some((last, step)) => (number(last)?, number(step)?),
         None => (number(rest)?, 1),
     };
     let first = number(first)?;
-    if step == 0 {
-        return Err(wrong_frames(text, "a step of at least 1", "a step of 0"));
-    }
+    let step = match usize::try_from(step) {
+        Ok(step @ 1..) => step,
+        _ => return Err(wrong_frames(text, "a step of at least 1", &format!("a step of {step}"))),
+    };
     if last < first {
         return Err(wrong_frames(text, "a range that rises", &format!("'{part}'")));
     }
-    Ok(Range { first, last, step: step as usize })
+    Ok(Range { first, last, step })
 }

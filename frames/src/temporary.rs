@@ -83,6 +83,11 @@ impl Temporary {
         }
     }
 
+    /// The temporary name.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Gives the file its name, in place of what had it before.
     pub fn rename_to(mut self, path: &Path) -> io::Result<()> {
         let renamed = {

@@ -30,7 +30,7 @@ fn for_random_cases(check: impl Fn(&mut Random)) {
     }
 }
 
-fn frames(text: &str) -> Vec<u32> {
+fn frames(text: &str) -> Vec<i32> {
     text.parse::<Frames>().unwrap_or_else(|error| panic!("{text}: {error}")).as_slice().to_vec()
 }
 
@@ -70,6 +70,9 @@ fn lists_by_example() {
     assert_eq!(frames("5,1-6,5"), [5, 1, 2, 3, 4, 6]);
     assert_eq!(frames("0"), [0]);
     assert_eq!(frames("7-7x100"), [7]);
+    assert_eq!(frames("1001-1010:3"), [1001, 1004, 1007, 1010]);
+    assert_eq!(frames("-5"), [-5]);
+    assert_eq!(frames("-5--1x2,-2-1"), [-5, -3, -1, -2, 0, 1]);
 }
 
 #[test]
@@ -96,7 +99,10 @@ fn senseless_texts_are_refused_in_one_line() {
         ",",
         "1,",
         "a",
-        "-5",
+        "--5",
+        "-",
+        "1-5:0",
+        "1-5:-1",
         "5-",
         "5-1",
         "1-5x0",
@@ -144,7 +150,7 @@ fn paths_and_frames_are_inverses() {
             assert!(Pattern::is_pattern(&before) || Pattern::is_pattern(&after), "{text}");
             return;
         };
-        let frame = random.below(u64::from(MAX_FRAME) + 1) as u32;
+        let frame = random.below(2 * MAX_FRAME as u64 + 1) as i32 - MAX_FRAME;
         assert_eq!(pattern.frame_of(&pattern.path(frame)), Some(frame), "{text} {frame}");
         assert_eq!(pattern.to_string().parse::<Pattern>().expect("shown"), pattern, "{text}");
     });
@@ -212,16 +218,16 @@ fn any_list_of_numbers_survives_being_shown_and_read() {
     for_random_cases(|random| {
         let mut numbers = Vec::new();
         while (numbers.len() as u64) < 1 + random.below(30) {
-            let (start, step) = (random.below(u64::from(MAX_FRAME)) as u32, random.below(4) as u32);
-            let run = 1 + random.below(6) as u32;
+            let (start, step) = (random.below(MAX_FRAME as u64) as i32 - 1_000, random.below(4) as i32);
+            let run = 1 + random.below(6) as i32;
             let falling = random.below(3) == 0;
-            let at = |i: u32| if falling { start.saturating_sub(i * step) } else { start.saturating_add(i * step) };
+            let at = |i: i32| if falling { start - i * step } else { start + i * step };
             numbers.extend((0..run).map(at).filter(|number| *number <= MAX_FRAME));
         }
         let list = Frames::from_numbers(numbers.iter().copied());
         let shown = list.to_string();
         assert_eq!(shown.parse::<Frames>().expect(&shown), list, "{numbers:?} shown as {shown}");
-        let mut first_seen: Vec<u32> = Vec::new();
+        let mut first_seen: Vec<i32> = Vec::new();
         numbers.iter().for_each(|n| first_seen.extend((!first_seen.contains(n)).then_some(n)));
         assert_eq!(list.as_slice(), first_seen);
     });

@@ -7,7 +7,7 @@ use sspc_cli::output::print_result;
 use sspc_cli::{Code, Failure};
 use sspc_frames::atomic::check_output;
 use sspc_frames::preview::{self, auto_exposure};
-use sspc_frames::read::Like;
+use sspc_frames::read::{Like, read_placed_picture};
 use sspc_frames::{read_picture, read_reference};
 use sspc_image::{Image, Reference};
 use sspc_metrics::relative::rel_l2_map;
@@ -94,8 +94,8 @@ pub fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.error_map {
         check_output(path, &inputs)?;
     }
-    let picture = read_picture(&arguments.picture, None)?;
-    let like = Like { image: &picture, path: &arguments.picture };
+    let (picture, placing) = read_placed_picture(&arguments.picture, None)?;
+    let like = Like { path: &arguments.picture, placing };
     let reference = read_reference(&arguments.reference, Some(like))?;
     let denoised = arguments.denoised.as_deref().map(|path| read_picture(path, Some(like))).transpose()?;
     let evaluation = evaluate(arguments, &picture, &reference, denoised.as_ref())?;

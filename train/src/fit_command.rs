@@ -34,7 +34,12 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     };
     let overrides = args.frame.overrides()?;
     let jobs = args.frame.jobs(args.reference.as_deref())?;
-    let frames = jobs.into_iter().map(|job| read(job, &overrides, &settings)).collect::<Result<Vec<_>, _>>()?;
+    let mut frames = Vec::new();
+    for job in jobs {
+        for view in args.frame.overrides_of_views(&job.files)? {
+            frames.push(read(job.clone(), &view, &settings)?);
+        }
+    }
     let (inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
     inputs.iter().for_each(|input| say_what_was_read(&output, input));
     let read_seconds = start.elapsed().as_secs_f64();
@@ -124,6 +129,7 @@ fn say_what_was_read(output: &Output, input: &Input) {
     output.say(&format!("{}: {} x {} pixels", input.name, input.denoised.width(), input.denoised.height()));
     input.roles.iter().for_each(|source| output.say(&role_line(source)));
     input.warnings.iter().for_each(|warning| output.say(&format!("  note: {warning}")));
+    output.say(&format!("  the picture replaces {}", input.output.channels().join(", ")));
     input.skipped.iter().for_each(|s| output.say(&format!("  skipped: {} ({})", s.what, s.why)));
 }
 

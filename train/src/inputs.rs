@@ -9,7 +9,7 @@ use sspc_core::frame_stats::FrameStats;
 use sspc_core::prepare::{Prepared, baseline};
 use sspc_frames::preview::{Rgb8, auto_exposure, tone_map};
 use sspc_frames::read::Like;
-use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_reference};
+use sspc_frames::{FrameFiles, OpenFrame, OutputPlan, RoleOverrides, read_reference};
 use sspc_image::{Frame, Image, Reference, RoleSource};
 use sspc_kernels::features::FeatureSet;
 
@@ -19,9 +19,13 @@ pub struct Input {
     /// What messages and the model call it.
     pub name: String,
     /// Number in a shot.
-    pub frame_number: Option<u32>,
+    pub frame_number: Option<i32>,
+    /// The view, where all of them are corrected.
+    pub view: Option<String>,
     /// Its files.
     pub files: FrameFiles,
+    /// Where its picture goes.
+    pub output: OutputPlan,
     /// Which channel filled which role, in the order read.
     pub roles: Vec<RoleSource>,
     /// What a person should know.
@@ -49,11 +53,29 @@ pub struct Input {
 impl Input {
     /// Name of an output of this frame.
     pub fn file_name(&self, stem: &str, extension: &str) -> String {
+        match &self.view {
+            Some(view) => self.frame_file_name(&format!("{stem}.{}", file_text(view)), extension),
+            None => self.frame_file_name(stem, extension),
+        }
+    }
+
+    /// Name of an output of all views of this frame together.
+    pub fn frame_file_name(&self, stem: &str, extension: &str) -> String {
         match self.frame_number {
             Some(number) => format!("{stem}.{number}.{extension}"),
             None => format!("{stem}.{extension}"),
         }
     }
+
+    /// Whether both are views of one frame, whose pictures go into one file.
+    pub fn is_of_frame(&self, other: &Input) -> bool {
+        self.view.is_some() && self.files == other.files
+    }
+}
+
+/// A view's name as a part of a file's name.
+fn file_text(view: &str) -> String {
+    view.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect()
 }
 
 /// Reads one frame and its reference, and prepares it.
@@ -63,9 +85,10 @@ impl Input {
 pub fn read(job: FrameJob, overrides: &RoleOverrides, settings: &Settings) -> Result<(Input, Prepared), Failure> {
     let FrameJob { number, files } = job;
     let open = OpenFrame::open(&files, overrides)?;
+    let output = open.output()?;
     let ReadFrame { source, stats, roles, warnings } = ReadFrame::held(&open, settings.exposure)?;
     let Source::Held(frame) = source else { unreachable!("a frame that is held") };
-    let like = Like { image: &frame.a.radiance, path: &files.a };
+    let like = Like { path: &files.a, placing: open.placing() };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;
     let stats = stats.with_features_of(settings.features);
     let (fill, shown_exposure, shown_noisy, rivals) = {
@@ -82,7 +105,9 @@ pub fn read(job: FrameJob, overrides: &RoleOverrides, settings: &Settings) -> Re
     let input = Input {
         name: files.a.display().to_string(),
         frame_number: number,
+        view: overrides.view().filter(|_| overrides.all_views()).map(str::to_string),
         files,
+        output,
         roles,
         warnings,
         stats,

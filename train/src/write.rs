@@ -12,11 +12,12 @@ use sspc_cli::record::{self, peak_rss_bytes};
 use sspc_cli::{Code, Failure};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::preview::{Rgb8, error_map, strip, tone_map, write_png};
-use sspc_frames::{RoleOverrides, write_corrected};
+use sspc_frames::{OutputPlan, RoleOverrides};
 use sspc_image::Image;
 use sspc_kernels::features::FeatureSet;
 use sspc_metrics::relative::rel_l2_map;
 use sspc_onnx::{Contract, Model, write_network};
+use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -49,13 +50,32 @@ pub fn check_outputs(
 ) -> Result<(), Failure> {
     check_output(&folder.file(MODEL), &pictures_read(overrides, inputs))?;
     let protected = protected(args, overrides, inputs);
+    pictures(inputs)?;
     for input in inputs {
+        check_output(&folder.file(&input.frame_file_name("corrected", "exr")), &protected)?;
         let previews = preview_names(input).into_iter().map(|stem| (stem, "png"));
-        for (stem, extension) in [("corrected", "exr"), ("report", "json")].into_iter().chain(previews) {
+        for (stem, extension) in [("report", "json")].into_iter().chain(previews) {
             check_output(&folder.file(&input.file_name(stem, extension)), &protected)?;
         }
     }
     Ok(())
+}
+
+/// The files of corrected pictures: the inputs whose pictures go into each, and how.
+fn pictures(inputs: &[Input]) -> Result<Vec<(Range<usize>, OutputPlan)>, Failure> {
+    let mut files: Vec<(Range<usize>, OutputPlan)> = Vec::new();
+    for (at, input) in inputs.iter().enumerate() {
+        match files.pop() {
+            Some((views, plan)) if inputs[views.start].is_of_frame(input) => {
+                files.push((views.start..at + 1, plan.and(input.output.clone())?));
+            }
+            last => {
+                files.extend(last);
+                files.push((at..at + 1, input.output.clone()));
+            }
+        }
+    }
+    Ok(files)
 }
 
 /// Every picture that was read: frames and files named by roles.
@@ -86,16 +106,19 @@ pub fn write_outputs(
     let model = write_network(&model(what)?);
     atomic_write_bytes(&folder.add(MODEL), &pictures_read(overrides, inputs), &model)?;
     // Compression takes longer than everything else here: all files of a frame at once.
-    for (input, outcome) in inputs.iter().zip(outcomes) {
-        let picture = folder.add(&input.file_name("corrected", "exr"));
-        let previews: Vec<(PathBuf, Rgb8)> = previews(input, outcome)
-            .into_iter()
-            .map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p))
-            .collect();
-        let provenance = provenance(what, outcome);
+    for (views, plan) in pictures(inputs)? {
+        let (inputs, outcomes) = (&inputs[views.clone()], &outcomes[views]);
+        let path = folder.add(&inputs[0].frame_file_name("corrected", "exr"));
+        let mut shown: Vec<(PathBuf, Rgb8)> = Vec::new();
+        for (input, outcome) in inputs.iter().zip(outcomes) {
+            let names = previews(input, outcome).into_iter();
+            shown.extend(names.map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p)));
+        }
+        let corrected: Vec<&Image> = outcomes.iter().map(|outcome| &outcome.corrected).collect();
+        let provenance = provenance(what, &outcomes[0]);
         let (written, shown) = rayon::join(
-            || write_corrected(&picture, &input.files.a, &protected, &outcome.corrected, &provenance),
-            || previews.par_iter().try_for_each(|(path, preview)| write_png(path, &protected, preview)),
+            || plan.write(&path, &protected, &corrected, &provenance),
+            || shown.par_iter().try_for_each(|(path, preview)| write_png(path, &protected, preview)),
         );
         written?;
         shown?;

@@ -74,9 +74,15 @@ pub struct Job {
 }
 
 impl Job {
-    /// The file of the figures.
-    pub fn sidecar(&self) -> PathBuf {
-        self.output.with_extension("json")
+    /// The file of the figures, of one view where all are corrected.
+    pub fn sidecar(&self, view: Option<&str>) -> PathBuf {
+        match view {
+            Some(view) => {
+                let plain: String = view.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+                self.output.with_extension(format!("{plain}.json"))
+            }
+            None => self.output.with_extension("json"),
+        }
     }
 }
 
@@ -87,7 +93,7 @@ impl RunArguments {
     /// Arguments that make no sense together, patterns without a place for the frame number.
     pub fn jobs(&self) -> Result<Vec<Job>, Failure> {
         let frames = self.frame.jobs(None)?;
-        let output = |number: Option<u32>| match number {
+        let output = |number: Option<i32>| match number {
             Some(number) => pattern(&self.output).map(|pattern| pattern.path(number)),
             None => Ok(self.output.clone()),
         };

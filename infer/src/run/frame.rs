@@ -8,10 +8,10 @@ use sspc_cli::reading::ReadFrame;
 use sspc_cli::{Code, Failure, interrupt, record};
 use sspc_core::bands::FrameBands;
 use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
+use sspc_core::frame_stats::FrameStats;
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
-use sspc_frames::resolve::resolve;
-use sspc_frames::{OpenFrame, write_corrected};
-use sspc_image::{FrameRows, Role};
+use sspc_frames::{OpenFrame, OutputPlan, RoleOverrides};
+use sspc_image::{FrameRows, Image, Role, RoleSource};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -20,7 +20,7 @@ use std::time::Instant;
 /// # Errors
 /// A [`Failure`] with its exit code; nothing of the frame is written then.
 pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
-    let Shared { arguments, overrides, engine, isa, output } = *shared;
+    let Shared { arguments, output, .. } = *shared;
     if arguments.skip_existing && job.output.exists() {
         output.say(&format!("{}: {} exists, left alone", job.frame.name(), job.output.display()));
         return Ok(());
@@ -29,8 +29,56 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
     check_outputs(shared, job, &inputs)?;
 
     let start = Instant::now();
+    let mut views = Vec::new();
+    for overrides in arguments.frame.overrides_of_views(&job.frame.files)? {
+        views.push(correct_view(shared, job, &overrides)?);
+        interrupt::check()?;
+    }
+    let begin = Instant::now();
+    let plan = plan_of(views.iter().map(|view| view.output.clone()))?;
+    let pictures: Vec<&Image> = views.iter().map(|view| &view.corrected.picture).collect();
+    plan.write(&job.output, &inputs, &pictures, &provenance(shared, &views[0].corrected))?;
+    let write = begin.elapsed().as_secs_f64();
+    for view in views {
+        let View { corrected, stats, roles, warnings, read, name, .. } = view;
+        let seconds = FrameSeconds {
+            read,
+            features: corrected.seconds.features,
+            correct: corrected.seconds.correct,
+            write,
+            total: start.elapsed().as_secs_f64(),
+        };
+        let report = Report::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
+        if arguments.json {
+            let json = serde_json::to_vec_pretty(&report)
+                .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
+            atomic_write_bytes(&job.sidecar(name.as_deref()), &inputs, &json)?;
+        }
+        say_result(output, job, &report);
+    }
+    Ok(())
+}
+
+/// One view of a frame, corrected.
+struct View {
+    /// Where all views are corrected.
+    name: Option<String>,
+    output: OutputPlan,
+    corrected: Corrected,
+    stats: FrameStats,
+    roles: Vec<RoleSource>,
+    warnings: Vec<String>,
+    /// Seconds.
+    read: f64,
+}
+
+fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result<View, Failure> {
+    let Shared { arguments, engine, isa, .. } = *shared;
+    let start = Instant::now();
     let contract = &engine.model().contract;
-    let frame = ReadFrame::read(OpenFrame::open(&job.frame.files, overrides)?, contract.exposure)?;
+    let open = OpenFrame::open(&job.frame.files, overrides)?;
+    let output = open.output()?;
+    let frame = ReadFrame::read(open, contract.exposure)?;
     let read = start.elapsed().as_secs_f64();
     say_what_was_read(shared, job, &frame);
 
@@ -51,27 +99,14 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
         CorrectError::Parameters(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
         CorrectError::Bands(error) => error.into(),
     })?;
-    drop(source);
-    interrupt::check()?;
+    let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
+    Ok(View { name, output, corrected, stats, roles, warnings, read })
+}
 
-    let begin = Instant::now();
-    let provenance = provenance(shared, &corrected);
-    write_corrected(&job.output, &job.frame.files.a, &inputs, &corrected.picture, &provenance)?;
-    let seconds = FrameSeconds {
-        read,
-        features: corrected.seconds.features,
-        correct: corrected.seconds.correct,
-        write: begin.elapsed().as_secs_f64(),
-        total: start.elapsed().as_secs_f64(),
-    };
-    let report = Report::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
-    if arguments.json {
-        let json = serde_json::to_vec_pretty(&report)
-            .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
-        atomic_write_bytes(&job.sidecar(), &inputs, &json)?;
-    }
-    say_result(output, job, &report);
-    Ok(())
+/// One file of the pictures of all views.
+fn plan_of(mut plans: impl Iterator<Item = OutputPlan>) -> Result<OutputPlan, Failure> {
+    let first = plans.next().ok_or_else(|| Failure::new(Code::Input, "a frame without views", ""))?;
+    Ok(plans.try_fold(first, OutputPlan::and)?)
 }
 
 /// Says what [`correct_file`] would do, reading headers only.
@@ -85,9 +120,15 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
         lines.push(format!("  would be left alone: {} exists", job.output.display()));
     } else {
         check_outputs(shared, job, &inputs(shared, job))?;
-        let found = resolve(&job.frame.files, shared.overrides)?;
-        lines.extend(found.filled.iter().map(|filled| role_line(&found.source(filled))));
-        lines.extend(found.warnings.iter().map(|warning| format!("  note: {warning}")));
+        let mut plans = Vec::new();
+        for overrides in shared.arguments.frame.overrides_of_views(&job.frame.files)? {
+            let open = OpenFrame::open(&job.frame.files, &overrides)?;
+            lines.extend(open.sources().iter().map(role_line));
+            lines.extend(open.notes().iter().map(|note| format!("  note: {note}")));
+            plans.push(open.output()?);
+        }
+        let plan = plan_of(plans.into_iter())?;
+        lines.push(format!("  the picture replaces {}", plan.channels().join(", ")));
         let verb = if exists { "replace" } else { "write" };
         lines.push(format!("  would {verb} {}", job.output.display()));
     }
@@ -105,7 +146,7 @@ fn inputs(shared: &Shared, job: &Job) -> Vec<PathBuf> {
 fn check_outputs(shared: &Shared, job: &Job, inputs: &[PathBuf]) -> Result<(), Failure> {
     check_output(&job.output, inputs)?;
     if shared.arguments.json {
-        check_output(&job.sidecar(), inputs)?;
+        check_output(&job.sidecar(None), inputs)?;
     }
     Ok(())
 }

@@ -58,9 +58,10 @@ pub struct Report {
     pub version: &'static str,
     /// Number in a shot.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub frame: Option<u32>,
+    pub frame: Option<i32>,
     /// The picture's file.
     pub output: String,
+    /// The model, and where it comes from.
     pub model: Origin,
     /// Width in pixels.
     pub width: usize,

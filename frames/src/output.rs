@@ -1,0 +1,280 @@
+//! The corrected picture inside a copy of half a: every other channel, part, window and attribute is kept, byte for byte
+//! where the format allows it.
+//!
+//! The picture takes the place of the noisy colour that it was made from ([`crate::place`]). Alpha and all other channels
+//! stay those of the template.
+//!
+//! Half floats stay half floats where they can hold the picture, else these channels become f32. A part that takes the
+//! picture and has lossy compression is stored with ZIP, so that nothing is lost a second time; it loses its smaller
+//! levels of detail and its thumbnail, which would show another picture.
+//!
+//! An [`OutputPlan`] is made before any work is done on the picture, and finds what would make the output impossible.
+//! What was written is read back before it takes its name. The same picture and provenance give the same bytes.
+
+use crate::align::Placing;
+use crate::atomic::atomic_write_checked;
+use crate::container::Container;
+use crate::container::attributes::LONGEST_NAME;
+use crate::container::chunks::ChunkReader;
+use crate::container::copy::{Copy, CopyError, Placed, Target, mean_of};
+use crate::container::fault::Fault;
+use crate::container::pixels::{Wanted, read_planes};
+use crate::error::{Error, Purpose};
+use crate::exr_file::ExrFile;
+use crate::place::{Place, place_of, place_of_shown};
+use crate::resolve::Resolution;
+use exr::meta::attribute::SampleType;
+use exr::prelude::f16;
+use sspc_image::Image;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The largest finite half float.
+const HALF_MAX: f32 = 65_504.0;
+/// Below this mean magnitude half floats run into their subnormals (6.1e-5) and lose relative precision.
+const HALF_COARSE: f64 = 1e-3;
+/// Rows that are read back at a time.
+const CHECKED_ROWS: usize = 64;
+
+/// A copy of a template that is known to be possible, waiting for its pictures.
+#[derive(Clone, Debug)]
+pub struct OutputPlan {
+    template: PathBuf,
+    purpose: Purpose,
+    container: Arc<Container>,
+    places: Vec<(Place, Placing)>,
+}
+
+impl OutputPlan {
+    /// The output of a frame.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`], [`Error::Damaged`]: a template that cannot be copied.
+    pub fn of_frame(resolution: &Resolution) -> Result<Self, Error> {
+        let radiance = resolution.radiance();
+        let file = &resolution.files[radiance.file];
+        let display = Placing::of(file, radiance.channels[0]).display;
+        Self::new(file, vec![(place_of(resolution)?, Placing { window: radiance.window, display })])
+    }
+
+    /// A picture in the place of what a viewer shows of the template.
+    ///
+    /// # Errors
+    /// What opening the template can raise, and [`Error::Unsupported`].
+    pub fn over(template: &Path) -> Result<Self, Error> {
+        let file = ExrFile::open(template, Purpose::Picture)?;
+        let place = place_of_shown(&file)?;
+        let part = &file.container.parts[place.targets[0].part];
+        let placing = Placing { window: part.window, display: part.display };
+        Self::new(&file, vec![(place, placing)])
+    }
+
+    fn new(file: &ExrFile, places: Vec<(Place, Placing)>) -> Result<Self, Error> {
+        for (place, placing) in &places {
+            for target in &place.targets {
+                let window = file.container.parts[target.part].window;
+                if !window.contains(&placing.window) {
+                    return Err(Error::SizeMismatch {
+                        path: file.path.clone(),
+                        purpose: file.purpose,
+                        expected: placing.window.to_string(),
+                        found: format!("{window} in {}", place.name),
+                        like: file.path.clone(),
+                    });
+                }
+            }
+        }
+        let plan =
+            Self { template: file.path.clone(), purpose: file.purpose, container: file.container.clone(), places };
+        let whole = plan.copy(&vec![false; plan.places.len()], &[]).and_then(|copy| copy.check_chunks());
+        whole.map_err(|fault| file.error(fault))?;
+        Ok(plan)
+    }
+
+    /// The same with the pictures of other views of the same template; they are given in this order.
+    ///
+    /// # Errors
+    /// [`Error::Output`]: plans of different templates, or two pictures for one channel.
+    pub fn and(mut self, other: OutputPlan) -> Result<Self, Error> {
+        let taken = |target: &Target| {
+            self.places
+                .iter()
+                .flat_map(|(place, _)| &place.targets)
+                .any(|t| (t.part, &t.name) == (target.part, &target.name))
+        };
+        let is_taken = other.places.iter().flat_map(|(place, _)| &place.targets).any(taken);
+        if self.template != other.template || is_taken {
+            return Err(Error::Output {
+                path: other.template,
+                expected: "pictures for different channels of one file".into(),
+                found: other.places.iter().map(|(place, _)| place.name.as_str()).collect::<Vec<_>>().join(", "),
+            });
+        }
+        for (mut place, placing) in other.places {
+            place.targets.iter_mut().for_each(|target| target.picture += self.places.len());
+            self.places.push((place, placing));
+        }
+        Ok(self)
+    }
+
+    /// The channels that the pictures take, for messages.
+    pub fn channels(&self) -> Vec<String> {
+        self.places.iter().map(|(place, _)| place.name.clone()).collect()
+    }
+
+    /// Writes the pictures (`[3, H, W]` each, scene-referred) to `path` inside a copy of the template, with each pair of
+    /// `provenance` as a text attribute of the parts that hold them.
+    ///
+    /// # Errors
+    /// What reading the template or [`atomic_write_checked`] can raise; the template and `inputs` are never overwritten.
+    ///
+    /// # Panics
+    /// When there are not as many pictures as planned, or of other sizes.
+    pub fn write(
+        &self,
+        path: &Path,
+        inputs: &[PathBuf],
+        pictures: &[&Image],
+        provenance: &[(String, String)],
+    ) -> Result<(), Error> {
+        assert_eq!(pictures.len(), self.places.len(), "pictures");
+        let placed: Vec<Placed> =
+            pictures.iter().zip(&self.places).map(|(image, (_, at))| Placed { image, window: at.window }).collect();
+        for Placed { image, window } in &placed {
+            assert_eq!((image.width(), image.height()), window.size(), "size of a picture");
+        }
+        let half: Vec<bool> = self
+            .places
+            .iter()
+            .zip(pictures)
+            .map(|((place, _), image)| place.were_half && half_can_hold(image))
+            .collect();
+        let readable = |fault: Fault| self.error(fault);
+        let copy = self.copy(&half, provenance).map_err(readable)?;
+        let protected: Vec<PathBuf> = inputs.iter().cloned().chain([self.template.clone()]).collect();
+        let mut unreadable = None;
+        let written = atomic_write_checked(
+            path,
+            &protected,
+            |out| match copy.write(out, &placed) {
+                Ok(()) => Ok(()),
+                Err(CopyError::Write(error)) => Err(error),
+                Err(CopyError::Read(fault)) => {
+                    unreadable = Some(fault);
+                    Err(std::io::Error::other("the template could not be read"))
+                }
+            },
+            |temporary| check_written(temporary, &copy, &placed),
+        );
+        match unreadable {
+            Some(fault) => Err(readable(fault)),
+            None => written,
+        }
+    }
+
+    fn copy(&self, half: &[bool], provenance: &[(String, String)]) -> Result<Copy<'_>, Fault> {
+        let mut targets = Vec::new();
+        for ((place, _), half) in self.places.iter().zip(half) {
+            let kind = if *half { SampleType::F16 } else { SampleType::F32 };
+            targets.extend(place.targets.iter().cloned().map(|target| Target { kind, ..target }));
+        }
+        let texts: Vec<(String, String)> = provenance.iter().map(attribute_text).collect();
+        Copy::new(&self.container, targets, &texts)
+    }
+
+    fn error(&self, fault: Fault) -> Error {
+        crate::exr_file::error_of(&self.template, self.purpose, fault)
+    }
+}
+
+/// Writes `corrected` (`[3, H, W]`, scene-referred) to `path` in the place of what a viewer shows of `template`.
+///
+/// # Errors
+/// As [`OutputPlan::over`] and [`OutputPlan::write`], and [`Error::SizeMismatch`].
+pub fn write_corrected(
+    path: &Path,
+    template: &Path,
+    inputs: &[PathBuf],
+    corrected: &Image,
+    provenance: &[(String, String)],
+) -> Result<(), Error> {
+    let plan = OutputPlan::over(template)?;
+    let window = plan.places[0].1.window;
+    if window.size() != (corrected.width(), corrected.height()) {
+        return Err(Error::SizeMismatch {
+            path: template.into(),
+            purpose: Purpose::Picture,
+            expected: format!("{}x{}", corrected.width(), corrected.height()),
+            found: window.to_string(),
+            like: PathBuf::from("the corrected picture"),
+        });
+    }
+    plan.write(path, inputs, &[corrected], provenance)
+}
+
+/// Reads back what was written: headers, every chunk's place, and the pictures' channels.
+fn check_written(path: &Path, copy: &Copy, pictures: &[Placed]) -> Result<(), String> {
+    let fault = |fault: Fault| format!("{fault:?}");
+    let preamble = copy.preamble();
+    let mut start = vec![0; preamble.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    if read.is_err() || start != preamble {
+        return Err("other headers".into());
+    }
+    let written = Container::open(path).map_err(fault)?;
+    let mut reader = ChunkReader::open(&written).map_err(fault)?;
+    for (number, part) in written.parts.iter().enumerate() {
+        (0..part.chunks).try_for_each(|at| reader.check(number, at)).map_err(fault)?;
+    }
+    for target in copy.targets() {
+        check_channel(&written, target, &pictures[target.picture])?;
+    }
+    Ok(())
+}
+
+fn check_channel(written: &Container, target: &Target, picture: &Placed) -> Result<(), String> {
+    let part = &written.parts[target.part];
+    let index = part.channels.iter().position(|channel| channel.name == target.name).ok_or("a channel is missing")?;
+    let (image, window) = (picture.image, picture.window);
+    for top in (0..window.height).step_by(CHECKED_ROWS) {
+        let rows = window.rows(top..(top + CHECKED_ROWS).min(window.height));
+        let Some(inside) = rows.overlap(&part.window) else { continue };
+        let mut found = vec![0.0; inside.width * inside.height];
+        let wanted = Wanted { part: target.part, channel: index, window: inside, plane: &mut found };
+        read_planes(written, &mut [wanted]).map_err(|fault| format!("{fault:?}"))?;
+        let (left, top) = ((inside.left - window.left) as usize, (inside.top - window.top) as usize);
+        for (y, row) in found.chunks_exact(inside.width).enumerate() {
+            for (x, found) in row.iter().enumerate() {
+                let value = mean_of(target.planes.iter().map(|&c| image.at(c, top + y, left + x)));
+                let expected = if target.kind == SampleType::F16 { f16::from_f32(value).to_f32() } else { value };
+                if found.to_bits() != expected.to_bits() && !(found.is_nan() && expected.is_nan()) {
+                    return Err(format!("{found} instead of {expected} in row {}", top + y));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether half floats hold every value without overflow and the picture as a whole without losing precision.
+fn half_can_hold(picture: &Image) -> bool {
+    let finite = picture.data().iter().filter(|value| value.is_finite());
+    let (mut sum, mut count, mut largest) = (0.0f64, 0u64, 0.0f32);
+    for value in finite {
+        sum += f64::from(value.abs());
+        count += 1;
+        largest = largest.max(value.abs());
+    }
+    largest <= HALF_MAX && (sum == 0.0 || sum >= HALF_COARSE * count as f64)
+}
+
+/// Name and value of a text attribute: a name that the format allows, and a value that is not empty.
+pub(crate) fn attribute_text((name, value): &(String, String)) -> (String, String) {
+    let mut end = name.len().min(LONGEST_NAME);
+    while !name.is_char_boundary(end) {
+        end -= 1;
+    }
+    (name[..end].to_string(), if value.is_empty() { "-".to_string() } else { value.clone() })
+}
