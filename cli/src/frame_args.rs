@@ -182,10 +182,7 @@ impl FrameArgs {
 /// # Errors
 /// Without one, or with more.
 pub fn pattern(path: &Path) -> Result<Pattern, Failure> {
-    let text = path.to_str().ok_or_else(|| {
-        nonsense(&format!("{}: a pattern must be UTF-8", path.display()), "rename the folder or the files")
-    })?;
-    Ok(text.parse::<Pattern>()?)
+    Ok(Pattern::of_path(path)?)
 }
 
 fn nonsense(message: &str, advice: &str) -> Failure {

@@ -27,6 +27,8 @@ const MAX_DIGITS: usize = 16;
 /// A file name with a place for the frame number.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Pattern {
+    /// A folder that is not UTF-8, which the rest of the name lies in; mostly empty.
+    folder: PathBuf,
     before: String,
     digits: usize,
     after: String,
@@ -38,15 +40,33 @@ impl Pattern {
         text.contains('#') || find_percent(text).is_some()
     }
 
+    /// The pattern of a path, which may lie in a folder whose name is not UTF-8.
+    ///
+    /// # Errors
+    /// [`Error::Pattern`] without a place for the frame number, with more than one, or with a file name that is not UTF-8.
+    pub fn of_path(path: &Path) -> Result<Self, Error> {
+        if let Some(text) = path.to_str() {
+            return text.parse();
+        }
+        let name = path.file_name().and_then(|name| name.to_str()).ok_or_else(|| Error::Pattern {
+            text: shown(&path.display().to_string()),
+            expected: "a file name in UTF-8".to_string(),
+            found: "other bytes".to_string(),
+        })?;
+        let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        Ok(Self { folder, ..name.parse()? })
+    }
+
     /// The file of one frame.
     pub fn path(&self, frame: i32) -> PathBuf {
         let width = self.digits;
-        PathBuf::from(format!("{}{frame:0width$}{}", self.before, self.after))
+        self.folder.join(format!("{}{frame:0width$}{}", self.before, self.after))
     }
 
     /// The frame number of a file of this pattern; `None` for other files. The inverse of [`Pattern::path`].
     pub fn frame_of(&self, path: &Path) -> Option<i32> {
-        let number = path.to_str()?.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
+        let rest = if self.folder.as_os_str().is_empty() { path } else { path.strip_prefix(&self.folder).ok()? };
+        let number = rest.to_str()?.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
         let frame = frame_number(number)?;
         (self.path(frame) == path).then_some(frame)
     }
@@ -77,12 +97,15 @@ impl FromStr for Pattern {
         if Self::is_pattern(&after) {
             return Err(wrong("more than one"));
         }
-        Ok(Self { before, digits, after })
+        Ok(Self { folder: PathBuf::new(), before, digits, after })
     }
 }
 
 impl fmt::Display for Pattern {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.folder.as_os_str().is_empty() {
+            write!(out, "{}/", self.folder.display())?;
+        }
         match self.digits {
             0 => write!(out, "{}%d{}", self.before, self.after),
             digits => write!(out, "{}{}{}", self.before, "#".repeat(digits), self.after),

@@ -255,3 +255,17 @@ fn patterns_may_hold_any_characters_around_the_number() {
         assert_eq!(pattern.to_string().parse::<Pattern>().expect(text), pattern);
     }
 }
+
+/// Fails when a shot in a folder whose name is not UTF-8 is refused, or its frames are looked for elsewhere.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_pattern_may_lie_in_a_folder_that_is_not_utf8() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Path::new(std::ffi::OsStr::from_bytes(b"/shots/caf\xe9"));
+    let pattern = Pattern::of_path(&folder.join("a.####.exr")).expect("a pattern");
+    assert_eq!(pattern.path(7), folder.join("a.0007.exr"));
+    assert_eq!(pattern.frame_of(&folder.join("a.0007.exr")), Some(7));
+    assert_eq!(pattern.frame_of(Path::new("/shots/a.0007.exr")), None);
+    let odd = Path::new(std::ffi::OsStr::from_bytes(b"caf\xe9.####.exr"));
+    assert!(Pattern::of_path(odd).is_err_and(|error| error.to_string().contains("UTF-8")));
+}
