@@ -22,7 +22,9 @@ pub struct Aligned {
 /// Pixels of a part and the frame that they are of.
 #[derive(Clone, Copy, Debug)]
 pub struct Placing {
+    /// The part's pixels.
     pub window: Window,
+    /// The frame.
     pub display: Window,
 }
 

@@ -39,6 +39,7 @@ pub enum ErrorKind {
 /// Everything that can go wrong between files and frames.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "each message says what its fields are")]
 pub enum Error {
     #[error("{}: no such file, expected the {purpose}", path.display())]
     MissingFile { path: PathBuf, purpose: Purpose },

@@ -28,6 +28,7 @@ pub struct Channel {
 /// What the headers of a file say.
 #[derive(Clone, Debug)]
 pub struct ExrFile {
+    /// The file.
     pub path: PathBuf,
     /// What the file is read for, for messages.
     pub purpose: Purpose,

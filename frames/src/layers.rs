@@ -116,6 +116,7 @@ impl Layer {
 
 /// The layers of a file, in file order.
 pub struct Layers {
+    /// All of them.
     pub list: Vec<Layer>,
     /// Names of the file's views.
     pub views: Vec<String>,

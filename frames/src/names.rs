@@ -6,6 +6,7 @@ use std::fmt;
 /// How a layer's last segment is recognised. Names are lower-case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
+    /// It is this.
     Whole(&'static str),
     /// It starts with this.
     Starts(&'static str),
@@ -18,6 +19,7 @@ use Pattern::{Starts, Suffix, Whole};
 /// A name and who says so.
 #[derive(Clone, Copy, Debug)]
 pub struct Known {
+    /// The name.
     pub pattern: Pattern,
     /// Renderers that write it, and the document that tells.
     pub source: &'static str,

@@ -28,10 +28,12 @@ impl OpenFrame {
         Ok(Self { resolution: resolve(files, overrides)? })
     }
 
+    /// Rows of the frame.
     pub fn height(&self) -> usize {
         self.resolution.window.height
     }
 
+    /// Columns of the frame.
     pub fn width(&self) -> usize {
         self.resolution.window.width
     }

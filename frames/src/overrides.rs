@@ -33,7 +33,12 @@ pub enum Choice {
     /// The role is to be absent (features only).
     Absent,
     /// From this file, or from the half's own file when `None`.
-    From { file: Option<PathBuf>, selection: Selection },
+    From {
+        /// The file.
+        file: Option<PathBuf>,
+        /// Which of its channels.
+        selection: Selection,
+    },
 }
 
 /// Overrides by role and buffer.

@@ -20,7 +20,9 @@ const GAP: usize = 4;
 /// 8-bit sRGB, interleaved, rows from top to bottom.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rgb8 {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
     /// `3 * width * height` bytes.
     pub data: Vec<u8>,

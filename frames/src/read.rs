@@ -22,7 +22,9 @@ pub fn read_frame(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Frame
 /// A picture that another one must cover.
 #[derive(Clone, Copy, Debug)]
 pub struct Like<'a> {
+    /// Its file, for messages.
     pub path: &'a Path,
+    /// Where its pixels lie.
     pub placing: Placing,
 }
 

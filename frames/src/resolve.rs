@@ -15,7 +15,9 @@ use std::path::{Path, PathBuf};
 /// Channels chosen for one role of one buffer.
 #[derive(Clone, Debug)]
 pub struct Filled {
+    /// The role.
     pub role: Role,
+    /// Of which samples.
     pub buffer: Buffer,
     /// Index into [`Resolution::files`].
     pub file: usize,
@@ -27,10 +29,13 @@ pub struct Filled {
 
 /// Every role that could be filled, and from where.
 pub struct Resolution {
+    /// The files that were opened.
     pub files: Vec<ExrFile>,
+    /// The roles that were filled.
     pub filled: Vec<Filled>,
     /// The pixels that all roles have, in half a's coordinates.
     pub window: Window,
+    /// What a person should know.
     pub warnings: Vec<String>,
 }
 

@@ -5,9 +5,13 @@ use std::fmt;
 /// Position and size of pixels, as a file's data window has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
+    /// First column.
     pub left: i32,
+    /// First row.
     pub top: i32,
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
 }
 

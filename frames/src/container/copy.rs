@@ -265,8 +265,8 @@ impl<'a> Encoder<'a> {
         let (source, target) = (&copy.source.parts[number], &copy.parts[number]);
         let samples = |channel: &ChannelEntry| {
             let named = |name: &Vec<u8>| source.channels.iter().position(|known| known.name == *name);
-            let targets = copy.targets.iter().filter(|t| t.part == number && t.name == channel.name);
-            match (targets.last(), named(&channel.name)) {
+            let mut targets = copy.targets.iter().filter(|t| t.part == number && t.name == channel.name);
+            match (targets.next_back(), named(&channel.name)) {
                 (Some(t), own) => {
                     let around = t.around.as_ref().and_then(named).or(own);
                     Samples::Picture { around, picture: pictures[t.picture], planes: &t.planes }
