@@ -42,10 +42,14 @@ impl Findings {
         let Findings { pixels_without_feature, negative_values, .. } = self;
         let mut notes = Vec::new();
         if *pixels_without_feature > 0 {
-            notes.push(format!("{pixels_without_feature} pixels have no finite albedo, normal or visibility: colour alone guides there"));
+            notes.push(format!(
+                "{pixels_without_feature} pixels have no finite albedo, normal or visibility: colour alone guides there"
+            ));
         }
         if *negative_values > 0 {
-            notes.push(format!("{negative_values} colour values are negative: where the denoiser's is, the picture keeps it"));
+            notes.push(format!(
+                "{negative_values} colour values are negative: where the denoiser's is, the picture keeps it"
+            ));
         }
         notes
     }

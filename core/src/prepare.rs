@@ -8,8 +8,8 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::frame_stats::{presence, validity};
 pub use crate::frame_stats::{Exposure, Findings, FrameStats};
+use crate::frame_stats::{presence, validity};
 
 /// A frame in the method's units.
 #[derive(Clone, Debug)]

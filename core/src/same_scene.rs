@@ -188,8 +188,7 @@ impl SceneComparison {
         let is_core = |tile: &Option<f64>| exceeds(tile, CORRELATED + median);
         let cores = radiance.iter().filter(|tile| is_core(tile)).count();
         let share = cores as f64 / noisy.len() as f64;
-        let least =
-            if of_features(&albedo) || of_features(&normal) { LEAST_SHARE_WITH_FEATURE } else { LEAST_SHARE };
+        let least = if of_features(&albedo) || of_features(&normal) { LEAST_SHARE_WITH_FEATURE } else { LEAST_SHARE };
         if cores < LEAST_TILES || share < least {
             return None;
         }

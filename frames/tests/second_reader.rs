@@ -63,7 +63,8 @@ fn every_kind_of_output_opens_in_openexr_and_keeps_what_is_not_ours() {
     };
     let folder = tempfile::tempdir().expect("folder");
     run_python(&python, "make", folder.path());
-    let mut cases: Vec<PathBuf> = std::fs::read_dir(folder.path()).expect("cases").map(|e| e.expect("case").path()).collect();
+    let mut cases: Vec<PathBuf> =
+        std::fs::read_dir(folder.path()).expect("cases").map(|e| e.expect("case").path()).collect();
     cases.sort();
     assert!(cases.len() > 30, "{} cases", cases.len());
     cases.iter().for_each(|case| write_output(case));
