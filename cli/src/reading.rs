@@ -2,6 +2,7 @@
 
 use rayon::join;
 use sspc_core::frame_stats::{Exposure, FrameStats};
+use sspc_core::same_scene::{DifferentPlaces, SceneComparison};
 use sspc_frames::OpenFrame;
 use sspc_frames::error::Error;
 use sspc_image::{Frame, FrameRows, RoleSource};
@@ -17,8 +18,8 @@ const LOOKED_AT: usize = 64;
 pub enum Source {
     /// Memory.
     Held(Box<Frame>),
-    /// Its files, again and again.
-    Files(OpenFrame),
+    /// Its files, again and again, without the places where the halves show different things.
+    Files(OpenFrame, Option<DifferentPlaces>),
 }
 
 impl FrameRows for Source {
@@ -27,21 +28,27 @@ impl FrameRows for Source {
     fn height(&self) -> usize {
         match self {
             Source::Held(frame) => frame.height(),
-            Source::Files(open) => open.height(),
+            Source::Files(open, _) => open.height(),
         }
     }
 
     fn width(&self) -> usize {
         match self {
             Source::Held(frame) => frame.width(),
-            Source::Files(open) => open.width(),
+            Source::Files(open, _) => open.width(),
         }
     }
 
     fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Error> {
         match self {
             Source::Held(frame) => FrameRows::rows(&**frame, rows).map_err(|never| match never {}),
-            Source::Files(open) => open.rows(rows).map(Cow::Owned),
+            Source::Files(open, different) => {
+                let mut frame = open.rows(rows.clone())?;
+                if let Some(places) = different {
+                    places.take_out(&mut frame, rows.start);
+                }
+                Ok(Cow::Owned(frame))
+            }
         }
     }
 }
@@ -56,6 +63,8 @@ pub struct ReadFrame {
     pub roles: Vec<RoleSource>,
     /// What a person should know.
     pub warnings: Vec<String>,
+    /// Where the halves show different things: left to the denoiser.
+    pub different: Option<DifferentPlaces>,
 }
 
 impl ReadFrame {
@@ -74,11 +83,23 @@ impl ReadFrame {
     /// As [`Self::read`].
     pub fn held(open: &OpenFrame, exposure: Exposure) -> Result<Self, Error> {
         let all = 0..open.height();
-        let frame = open.rows(all.clone())?;
+        let mut frame = open.rows(all.clone())?;
         let mut inspection = open.inspection();
-        let (stats, ()) = join(|| FrameStats::of(&frame, exposure), || inspection.look(&frame, 0, all));
-        let warnings = [open.warnings(&inspection)?, stats.found.notes()].concat();
-        Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings })
+        let mut comparison = SceneComparison::new(open.height(), open.width());
+        let look = || {
+            inspection.look(&frame, 0, all);
+            comparison.look(&frame);
+        };
+        let (mut stats, ()) = join(|| FrameStats::of(&frame, exposure), look);
+        let mut warnings = open.warnings(&inspection)?;
+        let different = comparison.finish();
+        if let Some(places) = &different {
+            places.take_out(&mut frame, 0);
+            stats = FrameStats::of(&frame, exposure);
+            warnings.push(places.warning());
+        }
+        warnings.extend(stats.found.notes());
+        Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings, different })
     }
 
     /// The same for a frame of any size: what is looked over is forgotten.
@@ -87,24 +108,38 @@ impl ReadFrame {
     /// As [`Self::read`].
     pub fn in_bands(open: OpenFrame, exposure: Exposure) -> Result<Self, Error> {
         let (height, width) = (open.height(), open.width());
-        let mut inspection = open.inspection();
+        let (mut inspection, mut comparison) = (open.inspection(), SceneComparison::new(height, width));
         let mut inspected = false;
-        let stats = FrameStats::of_bands(height * width, exposure, |look| {
+        let mut stats = FrameStats::of_bands(height * width, exposure, |look| {
             for top in (0..height).step_by(LOOKED_AT) {
                 let rows = top..(top + LOOKED_AT).min(height);
                 // A row more on either side for differences between neighbours.
                 let around = rows.start.saturating_sub(1)..(rows.end + 1).min(height);
                 let band = open.rows(around.clone())?;
+                let own = band.rows(rows.start - around.start, rows.len());
                 if !inspected {
                     inspection.look(&band, around.start, rows.clone());
+                    comparison.look(&own);
                 }
-                look(&band.rows(rows.start - around.start, rows.len()));
+                look(&own);
             }
             inspected = true;
             Ok::<(), Error>(())
         })?;
-        let warnings = [open.warnings(&inspection)?, stats.found.notes()].concat();
+        let mut warnings = open.warnings(&inspection)?;
+        let different = comparison.finish();
         let roles = open.sources();
-        Ok(Self { source: Source::Files(open), stats, roles, warnings })
+        let source = Source::Files(open, different.clone());
+        if let Some(places) = &different {
+            stats = FrameStats::of_bands(height * width, exposure, |look| {
+                for top in (0..height).step_by(LOOKED_AT) {
+                    look(&*source.rows(top..(top + LOOKED_AT).min(height))?);
+                }
+                Ok::<(), Error>(())
+            })?;
+            warnings.push(places.warning());
+        }
+        warnings.extend(stats.found.notes());
+        Ok(Self { source, stats, roles, warnings, different })
     }
 }

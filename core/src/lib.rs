@@ -4,6 +4,7 @@
 //!
 //! | module | step |
 //! |---|---|
+//! | [`same_scene`] | whether both halves show the same things |
 //! | [`frame_stats`] | what is decided once for a frame: exposure, features in use |
 //! | [`prepare`] | a frame in the method's units |
 //! | [`plan`] | what of the picture is computed |
@@ -35,5 +36,6 @@ pub mod objective;
 pub mod plan;
 pub mod prepare;
 pub mod rng;
+pub mod same_scene;
 pub mod start;
 pub mod tiles;

@@ -194,9 +194,9 @@ fn no_text_panics_and_what_is_read_stays_in_bounds() {
 fn ranges_name_every_step_from_first_to_last() {
     for_random_cases(|random| {
         let bits = 1 + random.below(30);
-        let first = random.below(1 << bits).min(u64::from(MAX_FRAME));
-        let last = (first + random.below(1 << bits)).min(u64::from(MAX_FRAME));
-        let step = (1 + random.below(1 << bits)).min(u64::from(MAX_FRAME));
+        let first = random.below(1 << bits).min(MAX_FRAME as u64);
+        let last = (first + random.below(1 << bits)).min(MAX_FRAME as u64);
+        let step = (1 + random.below(1 << bits)).min(MAX_FRAME as u64);
         let text = format!("{first}-{last}x{step}");
         let count = (last - first) / step + 1;
         match text.parse::<Frames>() {
@@ -206,7 +206,7 @@ fn ranges_name_every_step_from_first_to_last() {
                 assert_eq!(list.len() as u64, count, "{text}");
                 // Long lists are looked at where they could go wrong: at the ends.
                 let seen = (0..count.min(50)).chain(count.saturating_sub(50)..count);
-                seen.for_each(|i| assert_eq!(u64::from(list[i as usize]), first + i * step, "{text} {i}"));
+                seen.for_each(|i| assert_eq!(list[i as usize] as u64, first + i * step, "{text} {i}"));
             }
         }
     });

@@ -46,6 +46,8 @@ pub struct Input {
     pub shown_noisy: Rgb8,
     /// The reference, where one was given.
     pub reference: Option<Reference>,
+    /// Where the halves show different things, to look at.
+    pub shown_different: Option<Rgb8>,
     /// What the corrected picture is measured beside, where there is a reference.
     pub rivals: Option<Rivals>,
 }
@@ -86,7 +88,7 @@ pub fn read(job: FrameJob, overrides: &RoleOverrides, settings: &Settings) -> Re
     let FrameJob { number, files } = job;
     let open = OpenFrame::open(&files, overrides)?;
     let output = open.output()?;
-    let ReadFrame { source, stats, roles, warnings } = ReadFrame::held(&open, settings.exposure)?;
+    let ReadFrame { source, stats, roles, warnings, different } = ReadFrame::held(&open, settings.exposure)?;
     let Source::Held(frame) = source else { unreachable!("a frame that is held") };
     let like = Like { path: &files.a, placing: open.placing() };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;
@@ -101,6 +103,13 @@ pub fn read(job: FrameJob, overrides: &RoleOverrides, settings: &Settings) -> Re
         let rivals = reference.as_ref().map(|r| Rivals::measure(&noisy, &denoised, (!missing).then(halves), r));
         (fill, exposure, tone_map(&noisy, exposure), rivals)
     };
+    let shown_different = different.map(|places| {
+        // The rest is dimmed.
+        let ground = baseline(&frame);
+        let map = places.map(ground.height(), ground.width());
+        let lit = |c, y, x| ground.at(c, y, x) * (0.1 + 0.9 * map.at(0, y, x));
+        tone_map(&Image::from_fn(3, ground.height(), ground.width(), lit), shown_exposure)
+    });
     let (prepared, denoised) = prepare(*frame, &stats, settings);
     let input = Input {
         name: files.a.display().to_string(),
@@ -118,6 +127,7 @@ pub fn read(job: FrameJob, overrides: &RoleOverrides, settings: &Settings) -> Re
         shown_exposure,
         shown_noisy,
         reference,
+        shown_different,
         rivals,
     };
     Ok((input, prepared))

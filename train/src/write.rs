@@ -168,13 +168,15 @@ fn provenance(&Written { args, fitted, .. }: &Written, outcome: &Outcome) -> Vec
 fn preview_names(input: &Input) -> Vec<&'static str> {
     let against_reference: &[&str] =
         if input.reference.is_some() { &["reference", "error-denoised", "error-corrected"] } else { &[] };
-    [&["noisy", "denoised", "corrected"], against_reference, &["comparison"]].concat()
+    let different: &[&str] = if input.shown_different.is_some() { &["halves-differ"] } else { &[] };
+    [&["noisy", "denoised", "corrected"], different, against_reference, &["comparison"]].concat()
 }
 
 /// The pictures of [`preview_names`].
 fn previews(input: &Input, outcome: &Outcome) -> Vec<(&'static str, Rgb8)> {
     let shown = |image: &Image| tone_map(image, input.shown_exposure);
     let mut pictures = vec![input.shown_noisy.clone(), shown(&input.denoised), shown(&outcome.corrected)];
+    pictures.extend(input.shown_different.clone());
     if let Some(reference) = &input.reference {
         pictures.push(shown(&reference.mean));
         pictures.push(error_map(&rel_l2_map(&input.denoised, &reference.mean)));

@@ -87,6 +87,8 @@ impl Part {
             8 => "DWAA".into(),
             9 => "DWAB".into(),
             10 | 11 => "HTJ2K".into(),
+            12 => "LJ2K".into(),
+            13 => "ZSTD".into(),
             other => match method_of(other) {
                 Some(method) => method.to_string(),
                 None => format!("the unknown compression {other}"),
@@ -151,7 +153,7 @@ impl Part {
     pub(super) fn count_chunks(&self) -> Result<usize, Fault> {
         match (self.method(), self.tiles) {
             // The rows of a block are not known.
-            (None, None) => claimed_chunks(&self.header).ok_or_else(|| missing("chunkCount", "int")),
+            (None, None) => Ok(claimed_chunks(&self.header).unwrap_or(0)),
             _ => {
                 let size = Vec2(self.window.width, self.window.height);
                 Ok(compute_chunk_count(self.method().unwrap_or(Compression::Uncompressed), size, self.blocks()))

@@ -82,7 +82,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     let read = start.elapsed().as_secs_f64();
     say_what_was_read(shared, job, &frame);
 
-    let ReadFrame { source, stats, roles, warnings } = frame;
+    let ReadFrame { source, stats, roles, warnings, .. } = frame;
     let stats = stats.with_features_of(contract.features);
     let how = CorrectionSettings {
         isa,
