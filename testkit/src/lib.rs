@@ -16,6 +16,7 @@
 //! | [`peak`] | the most memory held at once |
 //! | [`skips`] | what a test cannot do here, said aloud |
 #![forbid(unsafe_code)]
+#![expect(missing_docs, reason = "fields of test data: their names say it")]
 
 pub mod case;
 pub mod closeness;
