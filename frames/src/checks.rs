@@ -206,19 +206,8 @@ fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
     warnings
 }
 
-/// Correlation of the noise of both halves, -1..1, from signs so that no firefly decides it.
-///
-/// The noise is what remains of `y - z` in each half after the second difference in x and y, which takes out
-/// whatever is smooth, the denoiser's bias above all. `None` when too few pixels have noise.
-pub fn halves_correlation(frame: &Frame) -> Option<f64> {
-    let mut signs = SignCorrelation::default();
-    let (height, width) = (frame.height(), frame.width());
-    for y in (1..height.saturating_sub(1)).step_by(row_step(height, width)) {
-        add_noise(&mut signs, frame, y);
-    }
-    signs.correlation()
-}
-
+/// Adds a row's noise in both halves to their correlation. The noise is what remains of `y - z` in each half after the
+/// second difference in x and y, which takes out whatever is smooth, the denoiser's bias above all.
 fn add_noise(signs: &mut SignCorrelation, frame: &Frame, y: usize) {
     for c in 0..3 {
         for x in 1..frame.width().saturating_sub(1) {
@@ -244,16 +233,8 @@ fn second_difference(y: &Image, z: &Image, c: usize, row: usize, column: usize) 
     sum
 }
 
-/// Correlation of `a - b` between horizontally and vertically neighbouring pixels, from signs. The scene itself
-/// cancels in the difference. `None` when too few pixels differ.
-pub fn neighbour_correlation(a: &Image, b: &Image) -> Option<f64> {
-    let mut signs = SignCorrelation::default();
-    for y in (0..a.height()).step_by(row_step(a.height(), a.width())) {
-        add_neighbours(&mut signs, a, b, y);
-    }
-    signs.correlation()
-}
-
+/// Adds a row of `a - b` to the correlation between horizontally and vertically neighbouring pixels. The scene itself
+/// cancels in the difference.
 fn add_neighbours(signs: &mut SignCorrelation, a: &Image, b: &Image, y: usize) {
     let difference = |c, y, x| a.at(c, y, x) - b.at(c, y, x);
     for c in 0..a.channels() {
@@ -269,7 +250,8 @@ fn add_neighbours(signs: &mut SignCorrelation, a: &Image, b: &Image, y: usize) {
     }
 }
 
-/// Quadrant correlation: for a bivariate normal, P(same sign) = 1/2 + asin(r)/π (Sheppard 1899).
+/// Quadrant correlation, from signs so that no firefly decides it: for a bivariate normal,
+/// P(same sign) = 1/2 + asin(r)/π (Sheppard 1899).
 #[derive(Default)]
 struct SignCorrelation {
     same: u64,

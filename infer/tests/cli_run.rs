@@ -348,3 +348,16 @@ fn a_frame_of_a_shot_that_fails_comes_with_advice() {
     let failed = lines.lines().position(|line| line.starts_with("error: frame 2")).expect("the frame is named");
     assert!(lines.lines().nth(failed + 1).is_some_and(|line| line.starts_with("advice: ")), "{lines}");
 }
+
+#[test]
+fn an_unknown_instruction_set_ends_with_2_and_names_the_known_ones() {
+    let folder = shot();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sspc-infer"));
+    command.current_dir(folder.path()).args(["run", "--model", "model.onnx", "-o", "out.exr"]);
+    command.args([sample("a.exr"), sample("b.exr")]).env("SSPC_ISA", "avx3");
+    let output = command.output().expect("sspc-infer starts");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("SSPC_ISA: expected ") && message.contains("portable, found \"avx3\""), "{message}");
+    assert!(!folder.path().join("out.exr").exists());
+}

@@ -101,3 +101,16 @@ fn help_names_every_key() {
         assert!(about.contains(key), "{key}: {about}");
     }
 }
+
+#[test]
+fn an_unknown_instruction_set_ends_with_2_and_names_the_known_ones() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("out");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sspc-train"));
+    command.arg("fit").args([sample("a.exr"), sample("b.exr")]).arg("-o").arg(&out).env("SSPC_ISA", "avx3");
+    let output = command.output().expect("sspc-train starts");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("SSPC_ISA: expected ") && message.contains("portable, found \"avx3\""), "{message}");
+    assert!(!out.exists());
+}

@@ -8,7 +8,7 @@ use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
 use sspc_core::objective::{HalfObjective, Objective, PixelLoss, Tile};
 use sspc_core::prepare::{Exposure, Prepared};
-use sspc_image::{Frame, Image};
+use sspc_image::Frame;
 use sspc_kernels::features::FEATURE_CHANNELS;
 use sspc_kernels::gc::Taps;
 use sspc_kernels::network::{PackedNetwork, Shape, sum_in_order};

@@ -1,6 +1,5 @@
 //! The network: raw outputs and weight gradients.
 
-use sspc_core::plan::Plan;
 use sspc_image::Image;
 use sspc_kernels::features::FEATURE_CHANNELS;
 use sspc_kernels::network::{Network, Shape, WindowNetwork};
@@ -9,6 +8,7 @@ use sspc_kernels::simd::Isa;
 use sspc_testkit::case::Case;
 use sspc_testkit::closeness::{Relative, assert_close, assert_sensitive, compare, largest};
 use sspc_testkit::kernels::Pass;
+use sspc_testkit::method::parameters;
 
 /// Nine layers of 117 to 144 products each; of the largest output, since an output near zero is a
 /// difference of large sums.
@@ -53,15 +53,13 @@ fn activated_parameters_of_a_picture_match() {
         let (height, width) = case.size("features");
         let weights = case.get("weights", &[shape.parameter_count()]).f32();
         let network = Network { shape, weights };
-        let plan = Plan::everything(height, width);
         for half in 0..2 {
             let features = case.get("features", &[2, FEATURE_CHANNELS, height, width]).slab(half, half + 1).f32();
             let image = Image::from_planes(FEATURE_CHANNELS, height, width, features);
             let expected = case.get("parameters", &[2, 16, height, width]).slab(half, half + 1);
             for isa in Isa::available() {
                 let stage = format!("{} half {half} {} parameters", case.name, isa.name());
-                let found =
-                    sspc_core::native::run_picture(&WindowNetwork::new(isa, Form::Gated, &network), &image, &plan);
+                let found = parameters(&WindowNetwork::new(isa, Form::Gated, &network), &image);
                 let worst =
                     assert_close(&stage, &expected, found.data(), Relative::ToScale(largest(&expected)), FORWARD);
                 println!("{stage}: worst {:.1e}", worst.0);
