@@ -3,7 +3,7 @@
 
 use super::assert_one_line;
 use sspc_frames::error::{Error, ErrorKind};
-use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_frame, read_picture, read_reference, write_corrected};
+use sspc_frames::{FrameFiles, OpenFrame, OutputPlan, RoleOverrides, read_frame, read_picture, read_reference};
 use sspc_image::{Frame, Image};
 use std::path::{Path, PathBuf};
 
@@ -58,13 +58,65 @@ impl Desk {
         if picture.pixels() > MOST_PIXELS {
             return;
         }
-        match write_corrected(&out, template, &[], picture, &[]) {
+        let plan = match OutputPlan::over(template) {
+            Ok(plan) => plan,
+            Err(error) => {
+                assert_one_line(&error);
+                return assert_eq!(error.kind(), ErrorKind::Input, "refused before any work: {error}");
+            }
+        };
+        match plan.write(&out, &[], &[picture], &[("sspc.tool".into(), "fuzz".into())]) {
             Ok(()) => {
                 let again = read_picture(&out, None).expect("what was written can be read");
                 assert!(again.same_size(picture), "{}x{}", again.width(), again.height());
+                assert_attributes_kept(template, &out);
             }
-            Err(error) => assert_one_line(&error),
+            // Pixels of other channels may be damaged, which no header tells.
+            Err(error) => {
+                assert_one_line(&error);
+                assert_eq!(error.kind(), ErrorKind::Input, "{error}");
+            }
         }
+    }
+}
+
+/// Every attribute of the template is in the output, byte for byte and in its order, but for what a picture changes; and
+/// where another reader opens the template, it opens the output.
+fn assert_attributes_kept(template: &Path, out: &Path) {
+    const CHANGED: [&[u8]; 5] = [b"channels", b"compression", b"tiles", b"chunkCount", b"preview"];
+    let [before, after] = [template, out].map(|path| attributes(&std::fs::read(path).expect("it was read before")));
+    let ours = |name: &[u8]| CHANGED.contains(&name) || name.starts_with(b"sspc.");
+    let kept = |list: &[Attribute]| list.iter().filter(|(name, ..)| !ours(name)).cloned().collect::<Vec<_>>();
+    assert_eq!(kept(&before), kept(&after), "attributes");
+    let opens = |path: &Path| exr::meta::MetaData::read_from_file(path, false).is_ok();
+    assert!(!opens(template) || opens(out), "another reader");
+}
+
+/// Name, type and value.
+type Attribute = (Vec<u8>, Vec<u8>, Vec<u8>);
+
+/// The attributes of all headers of a file that is known to be sound, one part after another.
+fn attributes(bytes: &[u8]) -> Vec<Attribute> {
+    let (several, mut rest, mut all) = (bytes[5] & 0x10 != 0, &bytes[8..], Vec::new());
+    let text = |rest: &mut &[u8]| {
+        let end = rest.iter().position(|&byte| byte == 0).expect("a text ends");
+        let (text, after) = rest.split_at(end);
+        *rest = &after[1..];
+        text.to_vec()
+    };
+    loop {
+        let name = text(&mut rest);
+        if name.is_empty() {
+            if !several || rest[0] == 0 {
+                return all;
+            }
+            continue;
+        }
+        let kind = text(&mut rest);
+        let (length, after) = rest.split_first_chunk::<4>().expect("a length");
+        let (value, after) = after.split_at(u32::from_le_bytes(*length) as usize);
+        all.push((name, kind, value.to_vec()));
+        rest = after;
     }
 }
 

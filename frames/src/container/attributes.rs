@@ -52,12 +52,15 @@ impl Header {
         found.map(|attribute| attribute.value.as_slice())
     }
 
-    /// Gives the attribute of this name another value and type, in its place; new ones come last.
+    /// Gives the attribute of this name another value, in its place: the one of this type, else the first of the name,
+    /// which takes the type as well. New ones come last.
     pub fn set(&mut self, name: &str, kind: &str, value: Vec<u8>) {
-        let kind = kind.as_bytes().to_vec();
-        match self.attributes.iter_mut().find(|attribute| attribute.name == name.as_bytes()) {
-            Some(attribute) => (attribute.kind, attribute.value) = (kind, value),
-            None => self.attributes.push(Attribute { name: name.as_bytes().to_vec(), kind, value }),
+        let (name, kind) = (name.as_bytes().to_vec(), kind.as_bytes().to_vec());
+        let same = |attribute: &Attribute| attribute.name == name && attribute.kind == kind;
+        let at = self.attributes.iter().position(same);
+        match at.or_else(|| self.attributes.iter().position(|attribute| attribute.name == name)) {
+            Some(at) => self.attributes[at] = Attribute { name, kind, value },
+            None => self.attributes.push(Attribute { name, kind, value }),
         }
     }
 
