@@ -77,7 +77,8 @@ impl ReadFrame {
         let frame = open.rows(all.clone())?;
         let mut inspection = open.inspection();
         let (stats, ()) = join(|| FrameStats::of(&frame, exposure), || inspection.look(&frame, 0, all));
-        let warnings = open.warnings(&inspection)?;
+        let mut warnings = open.warnings(&inspection)?;
+        warnings.extend(stats.trust().warning());
         Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings })
     }
 
@@ -103,7 +104,8 @@ impl ReadFrame {
             inspected = true;
             Ok::<(), Error>(())
         })?;
-        let warnings = open.warnings(&inspection)?;
+        let mut warnings = open.warnings(&inspection)?;
+        warnings.extend(stats.trust().warning());
         let roles = open.sources();
         Ok(Self { source: Source::Files(open), stats, roles, warnings })
     }
