@@ -43,6 +43,7 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
         composition: contract.composition,
         strength: arguments.run.strength,
         rows: None,
+        judged_by_unseen: false,
         keep_maps: false,
     };
     let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
