@@ -98,6 +98,7 @@ impl ReadFrame {
             stats = FrameStats::of(&frame, exposure);
             warnings.push(places.warning());
         }
+        warnings.extend(stats.trust().warning());
         warnings.extend(stats.found.notes());
         Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings, different })
     }
@@ -139,6 +140,7 @@ impl ReadFrame {
             })?;
             warnings.push(places.warning());
         }
+        warnings.extend(stats.trust().warning());
         warnings.extend(stats.found.notes());
         Ok(Self { source, stats, roles, warnings, different })
     }

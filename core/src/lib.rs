@@ -6,6 +6,7 @@
 //! |---|---|
 //! | [`same_scene`] | whether both halves show the same things |
 //! | [`frame_stats`] | what is decided once for a frame: exposure, features in use |
+//! | [`independence`], [`trust`] | whether the halves are what they claim to be, and what is done about it |
 //! | [`prepare`] | a frame in the method's units |
 //! | [`plan`] | what of the picture is computed |
 //! | [`start`] | a network's weights before training |
@@ -15,6 +16,7 @@
 //! | `blend_weight` | how much of a correction is kept, pixel by pixel |
 //! | [`composition`] | what a picture is made of |
 //! | [`compose`] | corrected halves to the finished rows |
+//! | [`unseen`] | pixels that training leaves out, to judge it by |
 //! | [`frame_sums`] | what the whole picture is judged by |
 //! | [`estimate`] | the error, told without a reference |
 //! | [`fill`] | values of missing pixels |
@@ -29,9 +31,11 @@ pub mod composition;
 pub mod correct;
 pub mod corrector;
 pub mod estimate;
+mod exposure;
 pub mod fill;
 pub mod frame_stats;
 pub mod frame_sums;
+pub mod independence;
 pub mod objective;
 pub mod plan;
 pub mod prepare;
@@ -39,3 +43,5 @@ pub mod rng;
 pub mod same_scene;
 pub mod start;
 pub mod tiles;
+pub mod trust;
+pub mod unseen;

@@ -20,7 +20,10 @@ fn write(path: &Path, layers: &[&str], views: &[&str]) -> PathBuf {
         for ending in endings.chars() {
             let name = if name.is_empty() { ending.to_string() } else { format!("{name}.{ending}") };
             let samples = FlatSamples::F32(vec![0.5; SIZE.0 * SIZE.1]);
-            list.push(AnyChannel { name: Text::from_slice_unchecked(name.as_bytes()), ..AnyChannel::new("x", samples) });
+            list.push(AnyChannel {
+                name: Text::from_slice_unchecked(name.as_bytes()),
+                ..AnyChannel::new("x", samples)
+            });
         }
     }
     let multi_view_names = (!views.is_empty()).then(|| views.iter().map(|&view| Text::from(view)).collect());
@@ -65,7 +68,11 @@ const CASES: &[Case] = &[
     ),
     (&["", "effectsResult", "diffuseFilter", "normals/XYZ"], ["", "effectsResult", "diffuseFilter", "normals"], ""),
     (&["", "DiffuseFilter", "BumpNormals", "Denoised"], ["", "Denoised", "DiffuseFilter", "BumpNormals"], ""),
-    (&["beauty", "basecolor", "hitN/XYZ", "beauty_denoised"], ["beauty", "beauty_denoised", "basecolor", "hitN"], "beauty"),
+    (
+        &["beauty", "basecolor", "hitN/XYZ", "beauty_denoised"],
+        ["beauty", "beauty_denoised", "basecolor", "hitN"],
+        "beauty",
+    ),
     (&["Ci/rgb", "Ci_filtered/rgb", "albedo/rgb", "normal/rgb"], ["Ci", "Ci_filtered", "albedo", "normal"], "Ci"),
     // What belongs to another layer is not taken.
     (
@@ -88,8 +95,16 @@ const CASES: &[Case] = &[
     (&["ShotA.Combined", "ShotA.Noisy Image"], ["ShotA.Noisy Image", "ShotA.Combined", "-", "-"], "ShotA.Combined"),
     (&["set_b.Combined", "set_b.Noisy Image"], ["set_b.Noisy Image", "set_b.Combined", "-", "-"], "set_b.Combined"),
     // UTF-8, dots, nested names.
-    (&["视图层.Combined", "视图层.Noisy Image"], ["视图层.Noisy Image", "视图层.Combined", "-", "-"], "视图层.Combined"),
-    (&["v1.2 [BG].Combined", "v1.2 [BG].Noisy Image"], ["v1.2 [BG].Noisy Image", "v1.2 [BG].Combined", "-", "-"], "v1.2 [BG].Combined"),
+    (
+        &["视图层.Combined", "视图层.Noisy Image"],
+        ["视图层.Noisy Image", "视图层.Combined", "-", "-"],
+        "视图层.Combined",
+    ),
+    (
+        &["v1.2 [BG].Combined", "v1.2 [BG].Noisy Image"],
+        ["v1.2 [BG].Noisy Image", "v1.2 [BG].Combined", "-", "-"],
+        "v1.2 [BG].Combined",
+    ),
     (&["beauty", "beauty.denoised", "Albedo"], ["beauty", "beauty.denoised", "Albedo", "-"], "beauty"),
     // Grey stays grey.
     (&["/Y", "denoised/Y"], ["", "denoised", "-", "-"], ""),
@@ -147,10 +162,19 @@ fn both_files_give_the_same_path() {
 #[test]
 fn views_are_named_and_each_has_its_own_roles() {
     let folder = tempfile::tempdir().expect("folder");
-    let layers = ["L.Noisy Image.left", "L.Combined.left", "L.Noisy Image.right", "L.Combined.right", "L.Denoising Albedo.right"];
+    let layers = [
+        "L.Noisy Image.left",
+        "L.Combined.left",
+        "L.Noisy Image.right",
+        "L.Combined.right",
+        "L.Denoising Albedo.right",
+    ];
     let files = pair(folder.path(), &layers, &["left", "right"]);
     let left = open(&files, &[]).expect("the first view");
-    assert_eq!((layer(&left, Role::Radiance, Buffer::A), layer(&left, Role::Albedo, Buffer::A)), ("L.Noisy Image.left".into(), "-".into()));
+    assert_eq!(
+        (layer(&left, Role::Radiance, Buffer::A), layer(&left, Role::Albedo, Buffer::A)),
+        ("L.Noisy Image.left".into(), "-".into())
+    );
     assert!(left.notes().iter().any(|note| note.contains("view left is corrected, right stays")), "{:?}", left.notes());
     let right = OpenFrame::open(&files, &RoleOverrides::none().of_view(Some("right".into()))).expect("the other view");
     assert_eq!(layer(&right, Role::Albedo, Buffer::B), "L.Denoising Albedo.right");

@@ -19,8 +19,9 @@ fn value(seed: usize, layer: usize, x: i32, y: i32) -> f32 {
 /// R, G, B of each layer in this window.
 fn write(path: PathBuf, seed: usize, layers: &[&str], window: Window, display: Window) -> PathBuf {
     let channel = |(number, layer): (usize, &&str), ending: &str| {
-        let pixels = (0..window.height * window.width)
-            .map(|i| value(seed, number, window.left + (i % window.width) as i32, window.top + (i / window.width) as i32));
+        let pixels = (0..window.height * window.width).map(|i| {
+            value(seed, number, window.left + (i % window.width) as i32, window.top + (i / window.width) as i32)
+        });
         let name = if layer.is_empty() { ending.to_string() } else { format!("{layer}.{ending}") };
         AnyChannel::new(name.as_str(), FlatSamples::F32(pixels.collect()))
     };

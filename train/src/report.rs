@@ -5,8 +5,9 @@ use crate::preset::{Preset, Settings};
 use serde::Serialize;
 use sspc_cli::record::FilledRole;
 use sspc_core::composition::Composition;
-use sspc_core::estimate::{Estimate, Losses};
+use sspc_core::estimate::{Estimate, Losses, Mean};
 use sspc_core::frame_stats::Findings;
+use sspc_core::independence::Independence;
 use sspc_core::prepare::Prepared;
 use sspc_image::{Image, Reference};
 use sspc_kernels::features::FeatureSet;
@@ -176,6 +177,9 @@ pub struct Report {
     pub loss: Losses,
     /// Estimated relL2 of the mean of both halves.
     pub estimate: Estimate,
+    /// Fall of the loss by the pixels that training left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unseen_gain: Option<Mean>,
     /// Why the output is the denoiser's, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<String>,
@@ -189,6 +193,8 @@ pub struct Report {
     pub peak_rss_bytes: Option<u64>,
     /// Unusual pixels and features.
     pub found: Findings,
+    /// What the halves say of each other.
+    pub independence: Independence,
     /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
     /// What was left out, and why.
