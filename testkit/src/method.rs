@@ -49,6 +49,7 @@ pub fn settings(contract: &Contract) -> CorrectionSettings {
         composition: contract.composition,
         strength: 1.0,
         rows: None,
+        judged_by_unseen: false,
         keep_maps: true,
     }
 }

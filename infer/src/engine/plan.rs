@@ -22,6 +22,7 @@ pub enum Kernels {
 
 /// tract did not take the graph, or failed to run it.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says what its fields are")]
 pub enum PlanError {
     #[error("tract cannot prepare the network for windows of {height}x{width}: {reason}")]
     Prepare { height: usize, width: usize, reason: String },
