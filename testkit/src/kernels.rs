@@ -1,7 +1,6 @@
 //! The kernels over whole pictures, as a fit uses them tile by tile.
 
 use sspc_core::objective::{Objective, PixelLoss, Scratch, Tile};
-use sspc_image::Image;
 use sspc_kernels::gc::{Correction, Given, ParameterPlanes, Taps};
 use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes};
 use sspc_kernels::parameters::{Form, activate};
@@ -97,9 +96,4 @@ pub fn features_of(objective: &Objective, tile: &Tile) -> Vec<f32> {
     let mut features = Vec::new();
     objective.append_features(tile, &mut features);
     features
-}
-
-/// Flat values as a picture `[channels, height, width]`.
-pub fn image(channels: usize, region: Region, values: Vec<f32>) -> Image {
-    Image::from_planes(channels, region.height, region.width, values)
 }

@@ -97,7 +97,7 @@ fn help_names_every_key() {
     let output = Command::new(env!("CARGO_BIN_EXE_sspc-train")).args(["fit", "--help"]).output().expect("it starts");
     let help = String::from_utf8_lossy(&output.stdout).into_owned();
     let about = help.split_once("--set ").expect("--set").1;
-    for (key, _) in sspc_train::experiment::KEYS {
+    for (key, _) in sspc_train::setting_overrides::KEYS {
         assert!(about.contains(key), "{key}: {about}");
     }
 }

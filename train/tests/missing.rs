@@ -1,7 +1,7 @@
 //! NaN and Inf in files, as a user meets them: counted, said, filled, or refused.
 
-use sspc_frames::read_picture;
-use sspc_frames::write::{write_corrected, write_picture};
+use sspc_frames::write::write_picture;
+use sspc_frames::{read_picture, write_corrected};
 use sspc_image::Image;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

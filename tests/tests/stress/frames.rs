@@ -65,6 +65,7 @@ pub fn corrected(frame: &Frame, stats: FrameStats, settings: &Settings, network:
         form: settings.form,
         window_radius: settings.radius,
         composition: settings.composition,
+        judged_by_unseen: false,
         strength: 1.0,
         rows: None,
         keep_maps: true,

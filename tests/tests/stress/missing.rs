@@ -109,7 +109,14 @@ fn stages(frame: &Frame, stats: FrameStats) -> Stages {
 /// Pixels that a pixel of the picture depends on to every side.
 fn reach(network: usize, window_radius: usize, composition: Composition) -> usize {
     let taps = Taps::square(window_radius);
-    let composer = Composer { isa: Isa::best(), form: settings().form, taps: &taps, composition, strength: 1.0 };
+    let composer = Composer {
+        isa: Isa::best(),
+        form: settings().form,
+        taps: &taps,
+        composition,
+        strength: 1.0,
+        judged_by_unseen: false,
+    };
     network + composer.margin()
 }
 
