@@ -5,8 +5,9 @@
 
 use sspc_core::corrector::correct;
 use sspc_core::plan::Plan;
+use sspc_core::tiles::{DEFAULT_TILE, parameters};
 use sspc_image::Image;
-use sspc_infer::engine::{DEFAULT_TILE, Engine, Kernels};
+use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
 use sspc_kernels::gc::Taps;
 use sspc_kernels::parameters::Form;
@@ -103,11 +104,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     kernels.push(("tract".into(), Kernels::Tract));
     for (name, kernels) in kernels {
         let engine = Engine::new(model.clone(), kernels, DEFAULT_TILE);
-        let mut parameters = None;
+        let mut computed = None;
         report(&name, network_flop, repeats, || {
-            parameters = Some(engine.parameters(&features, &everything).expect("the network runs"));
+            computed = Some(parameters(&engine, &features, &everything, 0..height).expect("the network runs"));
         });
-        let Some(parameters) = parameters else { continue };
+        let Some(parameters) = computed else { continue };
         if kernels == Kernels::Fused(best) {
             let rows: Vec<f32> = (0..height)
                 .step_by(ROW_STEP)

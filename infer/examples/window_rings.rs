@@ -8,14 +8,15 @@
 //! √(z̄² + 0.01), the scale of the relative error.
 
 use rayon::prelude::*;
-use sspc_core::corrector::parameters;
 use sspc_core::objective::RELATIVE_FLOOR;
 use sspc_core::plan::{BLOCK_COLUMNS, BLOCK_ROWS};
 use sspc_core::prepare::{FrameStats, Prepared};
+use sspc_core::tiles::parameters;
 use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
 use sspc_image::Image;
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, NORMAL, RADIANCE, VISIBILITY};
 use sspc_kernels::gc::WEIGHT_FLOOR;
+use sspc_kernels::network::WindowNetwork;
 use sspc_kernels::parameters::{BANDWIDTHS, CENTRE, Form, GATE, SLOPES};
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
@@ -33,10 +34,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = sspc_onnx::load_model(&PathBuf::from(model))?;
     let contract = &model.contract;
     let frame = read_frame(&FrameFiles::halves(a, b), &RoleOverrides::none())?;
-    let survey = FrameStats::of(&frame, contract.exposure).with_features_of(contract.features);
-    let prepared = Prepared::by_stats(&frame, survey);
+    let stats = FrameStats::of(&frame, contract.exposure).with_features_of(contract.features);
+    let prepared = Prepared::by_stats(&frame, &stats);
     let features = &prepared.halves[0];
-    let planes = parameters(Isa::best(), contract.form, &model.network(), features, &prepared.plan);
+    let network = WindowNetwork::new(Isa::best(), contract.form, &model.network());
+    let Ok(planes) = parameters(&network, features, &prepared.plan, 0..prepared.height());
     let radius = contract.window_radius;
     let windows = Windows::new(features, prepared.valid.as_ref(), prepared.set, radius);
     let rows: Vec<Vec<Pixel>> = (0..prepared.height())

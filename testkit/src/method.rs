@@ -47,7 +47,6 @@ pub fn settings(contract: &Contract) -> CorrectionSettings {
         form: contract.form,
         window_radius: contract.window_radius,
         composition: contract.composition,
-        judged_by_unseen: false,
         strength: 1.0,
         rows: None,
         judged_by_unseen: false,

@@ -51,7 +51,9 @@ pub struct StepRecord {
 /// Whether to go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
+    /// The next step.
     Continue,
+    /// No more steps.
     Stop,
 }
 
@@ -59,8 +61,11 @@ pub enum Control {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum End {
+    /// Every planned step was taken.
     AllSteps,
+    /// The time was over.
     TimeLimit,
+    /// It was told to stop.
     Interrupted,
 }
 

@@ -42,7 +42,10 @@ pub enum Start {
     /// Random weights, as in the paper.
     Random,
     /// g_c ≈ z + smoothed (y - z), and this gate towards z.
-    Analytic { gate: f64 },
+    Analytic {
+        /// The gate, 0..1.
+        gate: f64,
+    },
 }
 
 /// Which tiles a step sees.
@@ -50,7 +53,10 @@ pub enum Start {
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {
     /// Every patch of a grid of this stride once an epoch, in random order, both halves of each.
-    Grid { stride: usize },
+    Grid {
+        /// Pixels from one patch to the next.
+        stride: usize,
+    },
     /// Random places, half of them from each half buffer, mirrored at random.
     Uniform,
     /// The same, more often where the denoised halves differ (`importance.rs`).
@@ -62,9 +68,17 @@ pub enum Sampling {
 #[serde(rename_all = "kebab-case")]
 pub enum Rate {
     /// `factor` · √mean((y^a - y^b)² / 4), constant (the paper's rule).
-    NoiseScaled { factor: f64 },
+    NoiseScaled {
+        /// The factor.
+        factor: f64,
+    },
     /// Linear warm-up to `peak`, then a half cosine to zero.
-    Cosine { peak: f64, warm_up: usize },
+    Cosine {
+        /// Highest rate.
+        peak: f64,
+        /// Steps until it is reached.
+        warm_up: usize,
+    },
 }
 
 /// Whose z is in the denominator of the loss.

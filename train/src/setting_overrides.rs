@@ -34,6 +34,7 @@ pub const KEYS: [(&str, &str); 12] = [
 
 /// A setting that cannot be changed in this way.
 #[derive(Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says what its fields are")]
 pub enum Error {
     #[error("--set {found}: expected KEY=VALUE")]
     Form { found: String },
