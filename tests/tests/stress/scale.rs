@@ -23,7 +23,7 @@ const AS_TWO_SEEDS: f64 = 0.06;
 const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Quality];
 const DECIMAL: [f32; 4] = [1e-8, 1e-4, 1e4, 1e8];
 /// 2^-27 and 2^27: 7e-9 and 1.3e8.
-const BINARY: [f32; 2] = [7.450_580_6e-9, 134_217_728.0];
+const BINARY: [f32; 2] = [7.450_581e-9, 134_217_728.0];
 
 /// Largest difference of `found` / `factor` to `expected`.
 fn difference(found: &Image, expected: &Image, factor: f32) -> f64 {
