@@ -154,7 +154,7 @@ impl Inspection {
             && r > NEIGHBOURS_CORRELATED
         {
             warnings.push(format!(
-                "the noise of neighbouring pixels is correlated ({r:.2}, expected about 0): the renderer's pixel filter spreads samples; a box filter corrects better"
+                "the noise of neighbouring pixels is correlated ({r:.2}, expected about 0): the renderer's pixel filter spreads samples (a box filter corrects better), or the halves show different things"
             ));
         }
         warnings

@@ -137,6 +137,41 @@ impl<'a> ChunkReader<'a> {
         }
     }
 
+    /// The offsets of chunks as they follow each other in the file, for files whose writer did not come to its tables.
+    /// Chunks of smaller levels, and those that are not there, stay at 0.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn scan(&mut self) -> Result<Vec<Vec<u64>>, Fault> {
+        let Container { parts, tables, .. } = self.container;
+        let mut found: Vec<Vec<u64>> = tables.iter().map(|table| vec![0; table.len()]).collect();
+        let mut at = self.container.first_chunk;
+        for _ in 0..found.iter().map(Vec::len).sum() {
+            let number = match self.container.is_multi_part() {
+                true => self.part_at(at)?,
+                false => Some(0),
+            };
+            let Some(number) = number.filter(|number| *number < parts.len()) else { break };
+            let Ok(start) = self.start(number, at) else { break };
+            if let Some(offset) = index_of(&parts[number], &start.place).and_then(|at| found[number].get_mut(at)) {
+                *offset = if *offset == 0 { at } else { *offset };
+            }
+            at += start.length + start.data;
+        }
+        Ok(found)
+    }
+
+    /// The number of its part that the chunk at this offset says; `None` at the end of the file.
+    fn part_at(&mut self, at: u64) -> Result<Option<usize>, Fault> {
+        let mut number = [0; 4];
+        self.file.seek(SeekFrom::Start(at))?;
+        match self.file.read_exact(&mut number) {
+            Ok(()) => Ok(usize::try_from(i32::from_le_bytes(number)).ok()),
+            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
     /// Reads the start of the chunk at this offset, after which the file stands at its data.
     fn start(&mut self, part: usize, at: u64) -> Result<Start, Fault> {
         let Container { length: file_bytes, parts, .. } = self.container;
@@ -167,6 +202,22 @@ impl<'a> ChunkReader<'a> {
             Some(data) => Ok(Start { part, place, data, length }),
             None => Err(Fault::cut_short()),
         }
+    }
+}
+
+/// The index in its part's table of the chunk at this place, if it is one of the largest level.
+fn index_of(part: &Part, place: &[i32]) -> Option<usize> {
+    let (width, height) = part.block_size();
+    match *place {
+        [y] => {
+            let row = usize::try_from(i64::from(y) - i64::from(part.window.top)).ok()?;
+            row.is_multiple_of(height).then_some(row / height)
+        }
+        [x, y, 0, 0] => {
+            let (x, across) = (usize::try_from(x).ok()?, part.window.width.div_ceil(width));
+            (x < across).then_some(usize::try_from(y).ok()?.checked_mul(across)? + x)
+        }
+        _ => None,
     }
 }
 

@@ -13,6 +13,7 @@ pub mod part;
 pub mod pixels;
 
 use attributes::{MULTI_PART, Preamble};
+use chunks::ChunkReader;
 use fault::Fault;
 use part::Part;
 use std::fs::File;
@@ -58,7 +59,13 @@ impl Container {
             tables.push(bytes.chunks_exact(8).map(offset).collect());
         }
         let first_chunk = input.stream_position()?;
-        Ok(Self { path: path.into(), version, parts, tables: Arc::new(tables), first_chunk, length })
+        let is_written = |table: &Vec<u64>| table.iter().all(|offset| (first_chunk..length).contains(offset));
+        let are_written = tables.iter().all(is_written);
+        let mut container = Self { path: path.into(), version, parts, tables: Arc::new(tables), first_chunk, length };
+        if !are_written {
+            container.tables = Arc::new(ChunkReader::open(&container)?.scan()?);
+        }
+        Ok(container)
     }
 
     /// Whether the file has the form of several parts.
