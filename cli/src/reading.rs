@@ -99,6 +99,7 @@ impl ReadFrame {
             warnings.push(places.warning());
         }
         warnings.extend(stats.found.notes());
+        warnings.extend(stats.trust().warning());
         Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings, different })
     }
 
@@ -140,6 +141,7 @@ impl ReadFrame {
             warnings.push(places.warning());
         }
         warnings.extend(stats.found.notes());
+        warnings.extend(stats.trust().warning());
         Ok(Self { source, stats, roles, warnings, different })
     }
 }

@@ -9,7 +9,7 @@ use crate::box_mean::box_mean;
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
 use sspc_image::Image;
-use sspc_kernels::features::{DENOISED, RADIANCE};
+use sspc_kernels::features::DENOISED;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub(crate) const JUDGE_RADIUS: usize = 15;
@@ -30,9 +30,8 @@ impl Evidence {
         let sum = |of: fn(f32, f32) -> f32| {
             Image::from_rows(1, height, width, |_, y, row| {
                 for (h, k) in (0..2).flat_map(|h| (0..3).map(move |k| (h, k))) {
-                    let (own, other) = (&prepared.halves[h], &prepared.halves[1 - h]);
-                    let (z, target, weight) =
-                        (own.row(DENOISED + k, y), other.row(RADIANCE + k, y), weights[h].row(0, y));
+                    let (z, weight) = (prepared.halves[h].row(DENOISED + k, y), weights[h].row(0, y));
+                    let target = prepared.target_row(h, k, y);
                     let corrected = halves[h].row(k, y);
                     for x in 0..width {
                         let d = corrected[x] - z[x];

@@ -212,7 +212,7 @@ pub fn correct<B: BandSource, P: ParameterSource>(
         seconds.correct += read.elapsed().as_secs_f64();
     }
     let begin = Instant::now();
-    let verdict = sums.verdict(composition);
+    let verdict = sums.verdict(composition, frame.stats().trust());
     if verdict.fallback.is_some() {
         kept = 0.0;
         maps.iter_mut().for_each(|maps| maps.share.data_mut().fill(0.0));

@@ -121,10 +121,9 @@ pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
 /// [`crate::objective::own_weight`].
 pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<usize>) -> Blocks {
     let of_half = |h: usize, i: usize| {
-        let other = &prepared.halves[1 - h];
         let product = |k: usize| {
             let (p, q) = (f64::from(before[h].plane(k)[i]), f64::from(after[h].plane(k)[i]));
-            let y = f64::from(other.plane(RADIANCE + k)[i]);
+            let y = f64::from(prepared.target(h, k, i));
             // (p - y)² - (q - y)² without the cancellation of two large squares.
             (p - q) * (p + q - 2.0 * y)
         };
@@ -158,16 +157,15 @@ pub fn estimate(prepared: &Prepared, pair: &[Image], correction: &Image, rows: R
     Errors { finished, denoised }
 }
 
-/// ‖x - y‖² at pixel i, y of the half that x of half `h` is compared with.
+/// ‖x - y‖² at pixel i, y what x of half `h` is compared with.
 fn squared_to(prepared: &Prepared, x: &Image, h: usize, i: usize) -> f64 {
-    let other = &prepared.halves[1 - h];
-    (0..3).map(|k| f64::from(x.plane(k)[i] - other.plane(RADIANCE + k)[i]).powi(2)).sum()
+    (0..3).map(|k| f64::from(x.plane(k)[i] - prepared.target(h, k, i)).powi(2)).sum()
 }
 
-/// 1ᵀσ² of y of one half at pixel i.
+/// 1ᵀσ² of what a half is compared with at pixel i.
 fn variance(prepared: &Prepared, i: usize) -> f64 {
     let y = |h: usize, k: usize| prepared.halves[h].plane(RADIANCE + k)[i];
-    (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum()
+    prepared.variance_factor() * (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum::<f64>()
 }
 
 /// [`crate::objective::own_weight`] of half `h` at pixel i.

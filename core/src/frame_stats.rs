@@ -1,6 +1,8 @@
 //! What is decided once for a whole frame, however it is cut afterwards: exposure, the features in use, and what is
 //! unusual. A frame may come whole or in bands of rows; both give the same bits.
 
+use crate::independence::{Independence, IndependenceCollector};
+use crate::trust::Trust;
 use rayon::prelude::*;
 use sspc_image::{Frame, Image, Role};
 use sspc_kernels::features::FeatureSet;
@@ -24,7 +26,7 @@ pub enum Exposure {
 }
 
 /// Unusual pixels and features.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Findings {
     /// Features that are there, but at no pixel finite in both halves: they count as absent.
     pub unusable: FeatureSet,
@@ -34,6 +36,8 @@ pub struct Findings {
     pub pixels_without_feature: usize,
     /// Negative colour values: 0 to the method, left as they are where the denoiser's are.
     pub negative_values: usize,
+    /// Correlation of the halves' noise that loss, blend weight and estimates are freed of; 0 where it is negligible.
+    pub shared_noise: f32,
 }
 
 impl Findings {
@@ -66,6 +70,8 @@ pub struct FrameStats {
     pub noisy: bool,
     /// Unusual pixels and features.
     pub found: Findings,
+    /// What the halves say of each other.
+    pub independence: Independence,
 }
 
 impl FrameStats {
@@ -160,6 +166,7 @@ struct Collector {
     features: [Variation; 3],
     noisy: bool,
     found: Findings,
+    independence: IndependenceCollector,
 }
 
 /// Whether a feature has more than one value.
@@ -174,7 +181,8 @@ impl Collector {
     fn new(pixels: usize, exposure: Exposure, unusable: FeatureSet) -> Self {
         let counted = if exposure == Exposure::Normalised { pixels } else { 0 };
         let found = Findings { unusable, ..Findings::default() };
-        Self { exposure, means: Vec::with_capacity(counted), features: Default::default(), noisy: false, found }
+        let (features, independence) = (Default::default(), IndependenceCollector::new());
+        Self { exposure, means: Vec::with_capacity(counted), features, noisy: false, found, independence }
     }
 
     /// Looks at the next band below.
@@ -183,6 +191,7 @@ impl Collector {
         if self.exposure == Exposure::Normalised {
             add_means(band, &valid, &mut self.means);
         }
+        self.independence.look(band, &valid);
         for (variation, feature) in self.features.iter_mut().zip(Role::FEATURES) {
             if let (Some(a), Some(b)) = (band.a.feature(feature), band.b.feature(feature)) {
                 variation.look(a, b, &valid);
@@ -211,7 +220,9 @@ impl Collector {
             Exposure::AsIs => 1.0,
             Exposure::Normalised => normalised_exposure(self.means),
         };
-        FrameStats { exposure, set, noisy: self.noisy, found: self.found }
+        let independence = self.independence.finish();
+        let found = Findings { shared_noise: Trust::of(&independence).shared_noise(), ..self.found };
+        FrameStats { exposure, set, noisy: self.noisy, found, independence }
     }
 }
 

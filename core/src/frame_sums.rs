@@ -1,7 +1,8 @@
 //! What a whole picture is judged by: sums over its blocks, band after band.
 
 use crate::composition::Composition;
-use crate::estimate::{Blocks, Errors, Estimate, Losses};
+use crate::estimate::{Blocks, Errors, Estimate, Losses, Mean};
+use crate::trust::Trust;
 
 /// Sums over the blocks of a picture, or of its first bands from top to bottom.
 #[derive(Clone, Debug, Default)]
@@ -39,16 +40,11 @@ impl FrameSums {
     }
 
     /// Whether the correction stays, and what the frame says of the error.
-    pub fn verdict(&self, composition: Composition) -> Verdict {
-        let gain = self.gain.mean();
-        // A gain that is not a number is no gain.
-        let helps = gain.value > 0.0;
-        let fallback = (composition == Composition::JudgedFullBuffer && !helps).then(|| match gain.standard_error {
-            Some(error) if gain.value != 0.0 => {
-                format!("the self-supervised loss does not fall: gain {:.3e} ± {error:.1e}", gain.value)
-            }
-            _ => "nothing is added to the denoiser's picture".to_string(),
-        });
+    pub fn verdict(&self, composition: Composition, trust: Trust) -> Verdict {
+        let fallback = match composition {
+            Composition::MeanOfHalves => None,
+            Composition::JudgedFullBuffer => self.fallback(trust),
+        };
         let (loss, error) = match fallback {
             Some(_) => (&self.loss_denoised, &self.error_denoised),
             None => (&self.loss_corrected, &self.error_corrected),
@@ -64,4 +60,40 @@ impl FrameSums {
             fallback,
         }
     }
+
+    /// Why the denoiser's picture is the better answer, if it is.
+    fn fallback(&self, trust: Trust) -> Option<String> {
+        if let Trust::None(distrust) = trust {
+            return Some(distrust.to_string());
+        }
+        for error in [&self.error_denoised, &self.error_corrected].map(Errors::mean) {
+            if is_impossible(error) {
+                return Some(format!(
+                    "the estimated relL2 is below 0 ({}): the halves are not independent",
+                    shown(error)
+                ));
+            }
+        }
+        let gain = self.gain.mean();
+        match gain {
+            // A gain that is not a number is no gain.
+            Mean { value, .. } if value > 0.0 => None,
+            Mean { value, standard_error: Some(_) } if value != 0.0 => {
+                Some(format!("the self-supervised loss does not fall: gain {}", shown(gain)))
+            }
+            _ => Some("nothing is added to the denoiser's picture".to_string()),
+        }
+    }
+}
+
+/// Whether an error is below zero by more than chance makes it.
+fn is_impossible(error: Mean) -> bool {
+    /// Standard errors.
+    const BY_CHANCE: f64 = 3.0;
+    error.standard_error.is_some_and(|s| error.value < -BY_CHANCE * s)
+}
+
+fn shown(mean: Mean) -> String {
+    let error = mean.standard_error.map_or(String::new(), |error| format!(" ± {error:.1e}"));
+    format!("{:.3e}{error}", mean.value)
 }

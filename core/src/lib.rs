@@ -6,6 +6,7 @@
 //! |---|---|
 //! | [`same_scene`] | whether both halves show the same things |
 //! | [`frame_stats`] | what is decided once for a frame: exposure, features in use |
+//! | [`independence`], [`trust`] | whether the halves are what they claim to be, and what is done about it |
 //! | [`prepare`] | a frame in the method's units |
 //! | [`plan`] | what of the picture is computed |
 //! | [`start`] | a network's weights before training |
@@ -32,6 +33,7 @@ pub mod estimate;
 pub mod fill;
 pub mod frame_stats;
 pub mod frame_sums;
+pub mod independence;
 pub mod objective;
 pub mod plan;
 pub mod prepare;
@@ -39,3 +41,4 @@ pub mod rng;
 pub mod same_scene;
 pub mod start;
 pub mod tiles;
+pub mod trust;

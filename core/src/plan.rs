@@ -55,6 +55,12 @@ impl Plan {
         Self { height, width, active: vec![true; blocks], active_share: 1.0 }
     }
 
+    /// A plan that computes nothing.
+    pub fn nothing(height: usize, width: usize) -> Self {
+        let blocks = height.div_ceil(BLOCK_ROWS) * width.div_ceil(BLOCK_COLUMNS);
+        Self { height, width, active: vec![false; blocks], active_share: 0.0 }
+    }
+
     /// The same plan without the blocks that lie outside `rows`; the share stays that of the picture.
     pub fn within_rows(&self, rows: Range<usize>) -> Self {
         let mut plan = self.clone();

@@ -116,6 +116,7 @@ fn report(
         milliseconds_per_step: 1e3 * fitted.seconds / fitted.history.len().max(1) as f64,
         peak_rss_bytes: peak_rss_bytes(),
         found: input.stats.found,
+        independence: input.stats.independence,
         roles: input.roles.iter().map(Into::into).collect(),
         skipped: input.skipped.clone(),
         warnings: input.warnings.clone(),

@@ -7,6 +7,7 @@ use sspc_cli::record::FilledRole;
 use sspc_core::composition::Composition;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::frame_stats::Findings;
+use sspc_core::independence::Independence;
 use sspc_core::prepare::Prepared;
 use sspc_image::{Image, Reference};
 use sspc_kernels::features::FeatureSet;
@@ -189,6 +190,8 @@ pub struct Report {
     pub peak_rss_bytes: Option<u64>,
     /// Unusual pixels and features.
     pub found: Findings,
+    /// What the halves say of each other.
+    pub independence: Independence,
     /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
     /// What was left out, and why.

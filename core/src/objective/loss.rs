@@ -1,9 +1,9 @@
 //! The loss of tiles by the network's outputs, and its gradient.
 
-use super::{RELATIVE_FLOOR, Tile, own_weight, relative_weight, triple};
+use super::{RELATIVE_FLOOR, Tile, own_weight, relative_weight};
 use crate::prepare::Prepared;
 use sspc_image::Image;
-use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
 use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
 use sspc_kernels::loss::SelfSupervised;
 use sspc_kernels::parameters::{Form, activate, activate_backward};
@@ -42,7 +42,9 @@ impl Objective {
             let other = &prepared.halves[1 - h];
             HalfObjective {
                 planes: FeaturePlanes::new(prepared.halves[h].clone(), valid.clone(), set, taps.radius()),
-                target: triple(other, RADIANCE),
+                target: Image::from_rows(3, other.height(), other.width(), |k, y, row| {
+                    row.copy_from_slice(&prepared.target_row(h, k, y));
+                }),
                 weight: relative_weight(other, prepared.valid.as_ref(), RELATIVE_FLOOR),
             }
         };

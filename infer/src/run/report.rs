@@ -9,6 +9,7 @@ use sspc_core::composition::Composition;
 use sspc_core::correct::Corrected;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::frame_stats::{Findings, FrameStats};
+use sspc_core::independence::Independence;
 use sspc_image::RoleSource;
 use sspc_kernels::features::FeatureSet;
 use sspc_kernels::parameters::Form;
@@ -73,6 +74,8 @@ pub struct Report {
     pub features: FeatureSet,
     /// Unusual pixels and features.
     pub found: Findings,
+    /// What the halves say of each other.
+    pub independence: Independence,
     /// Self-supervised loss of both halves, the denoiser's and ours.
     pub loss: Losses,
     /// Estimated relL2 of the mean of both halves, the denoiser's and ours.
@@ -144,6 +147,7 @@ impl Report {
             exposure: stats.exposure,
             features: stats.set,
             found: stats.found,
+            independence: stats.independence,
             loss: verdict.loss,
             estimate: verdict.estimate,
             model_loss: verdict.model_loss,
