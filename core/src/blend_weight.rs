@@ -8,6 +8,7 @@
 use crate::box_mean::box_mean;
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
+use crate::unseen::blind;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 
@@ -15,6 +16,7 @@ use sspc_kernels::features::DENOISED;
 pub(crate) const JUDGE_RADIUS: usize = 15;
 
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
+#[derive(Clone)]
 pub(crate) struct Evidence {
     /// Σ w r·d
     agreement: Image,
@@ -41,6 +43,12 @@ impl Evidence {
             })
         };
         Self { agreement: sum(|r, _| r), size: sum(|_, d| d) }
+    }
+
+    /// Only what the pixels that were trained on say.
+    pub fn without_unseen(mut self) -> Self {
+        [&mut self.agreement, &mut self.size].into_iter().for_each(blind);
+        self
     }
 
     /// min(1, Σ w r·d / Σ w d²), floored at 0.

@@ -55,6 +55,9 @@ pub struct Composer<'a> {
     pub composition: Composition,
     /// Share of the weighed correction that is used, 0..1: an artist's choice. At 0 the picture is the denoiser's.
     pub strength: f32,
+    /// Whether the parameters are those of a training that left out what [`crate::unseen`] says, of a whole picture:
+    /// those pixels judge it then.
+    pub judged_by_unseen: bool,
 }
 
 impl Composer<'_> {
@@ -81,12 +84,19 @@ impl Composer<'_> {
         rows: Range<usize>,
     ) -> Result<Band, S::Error> {
         let Corrections { mut halves, mut picture } = self.corrections(prepared, source, &rows)?;
+        let mut sums = FrameSums::default();
         let mut share = match self.composition {
             Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
-            Composition::JudgedFullBuffer => Evidence::of(prepared, &halves).share(),
+            Composition::JudgedFullBuffer => {
+                let evidence = Evidence::of(prepared, &halves);
+                if self.judged_by_unseen {
+                    let share = self.weaken(evidence.clone().without_unseen().share());
+                    sums.unseen_gain = Some(estimate::unseen_gain(prepared, &halves, &share));
+                }
+                evidence.share()
+            }
         };
-        share.for_each_row(|_, _, row| row.iter_mut().for_each(|s| *s *= self.strength));
-        let mut sums = FrameSums::default();
+        share = self.weaken(share);
         // The results take the place of what they are made of.
         for top in rows.clone().step_by(ROWS_AT_ONCE) {
             let strip = top..(top + ROWS_AT_ONCE).min(rows.end);
@@ -103,6 +113,12 @@ impl Composer<'_> {
             false => image.crop(rows.start, 0, rows.len(), image.width()),
         };
         Ok(Band { correction: only(picture), share: only(share), halves: only(halves), sums })
+    }
+
+    /// A share of the whole correction, strength included.
+    fn weaken(&self, mut share: Image) -> Image {
+        share.for_each_row(|_, _, row| row.iter_mut().for_each(|s| *s *= self.strength));
+        share
     }
 
     /// Corrects what `rows` depend on.
@@ -195,6 +211,7 @@ fn weigh(prepared: &Prepared, halves: &[Image; 2], picture: Image, share: Image)
         loss_denoised: estimate::loss(prepared, &denoised, rows.clone()),
         loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
         loss_unjudged: estimate::loss(prepared, halves, rows.clone()),
+        unseen_gain: None,
         gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
         error_denoised: estimate::estimate(prepared, &denoised, &correction, rows.clone()),
         error_corrected: estimate::estimate(prepared, &blended, &correction, rows),

@@ -15,6 +15,7 @@
 
 use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
+use crate::unseen::is_unseen;
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::{DENOISED, RADIANCE};
@@ -67,6 +68,16 @@ impl Blocks {
     /// Differences from the blocks of another quantity over the same pixels.
     pub fn less(&self, other: &Blocks) -> Blocks {
         Blocks(self.0.iter().zip(&other.0).map(|(own, other)| (own.0 - other.0, own.1)).collect())
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     /// The mean per pixel and channel, with a standard error from the scatter of blocks.
@@ -131,6 +142,29 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<
     };
     let [blocks] = sum_blocks(prepared, rows, |i| [of_half(0, i) + of_half(1, i)]);
     blocks
+}
+
+/// As [`gain`], of the denoised halves over those corrected by `share` of the way to `corrected`, over the pixels of a
+/// whole picture that training left out ([`crate::unseen`]).
+pub fn unseen_gain(prepared: &Prepared, corrected: &[Image; 2], share: &Image) -> Blocks {
+    let width = prepared.width();
+    let of_half = |h: usize, i: usize| {
+        let of_channel = |k: usize| {
+            let z = f64::from(prepared.halves[h].plane(DENOISED + k)[i]);
+            let step = f64::from(share.plane(0)[i]) * (f64::from(corrected[h].plane(k)[i]) - z);
+            // What is below 0 is cut off in the picture.
+            let step = step.max(-z);
+            step * (2.0 * (f64::from(prepared.target(h, k, i)) - z) - step)
+        };
+        0.5 * weight(prepared, h, i) * (0..3).map(of_channel).sum::<f64>()
+    };
+    let unseen = |i: usize| is_unseen(i / width, i % width);
+    let [blocks] =
+        sum_blocks(prepared, 0..prepared.height(), |i| [if unseen(i) { of_half(0, i) + of_half(1, i) } else { 0.0 }]);
+    let columns = width.div_ceil(BLOCK);
+    let kept = blocks.0.into_iter().enumerate();
+    let kept = kept.filter(|(at, block)| is_unseen(at / columns * BLOCK, at % columns * BLOCK) && block.1 > 0.0);
+    Blocks(kept.map(|(_, block)| block).collect())
 }
 
 /// Estimated relL2 of the mean of a pair of pictures, in the frame's own exposure, over `rows`;

@@ -95,10 +95,11 @@ pub fn starting_network(settings: &Settings) -> Network {
 /// The objective of one frame under `settings`.
 pub fn objective(prepared: &Prepared, settings: &Settings) -> Objective {
     let paper = Objective::new(prepared, settings.form, Taps::square(settings.radius), prepared.set);
-    match settings.denominator {
+    let weighed = match settings.denominator {
         Denominator::OtherHalf => paper,
         Denominator::OwnHalf => paper.with_own_weight(prepared),
-    }
+    };
+    if settings.leaves_pixels_out(prepared.height(), prepared.width()) { weighed.without_unseen() } else { weighed }
 }
 
 /// `factor` · √mean((y^a - y^b)² / 4), the paper's learning rate from the frame's noise, at most 0.1.

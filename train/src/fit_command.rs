@@ -110,6 +110,7 @@ fn report(
         rel_l2: outcome.rel_l2.clone(),
         loss: outcome.verdict.loss,
         estimate: outcome.verdict.estimate,
+        unseen_gain: outcome.verdict.unseen_gain,
         fallback: outcome.verdict.fallback.clone(),
         mean_share: outcome.mean_share,
         seconds,

@@ -3,6 +3,7 @@
 use crate::combination::Combination;
 use sspc_core::composition::Composition;
 use sspc_core::frame_stats::Exposure;
+use sspc_core::unseen;
 use sspc_kernels::features::FeatureSet;
 use sspc_kernels::gc::PAPER_RADIUS;
 use sspc_kernels::network::Shape;
@@ -183,6 +184,12 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Whether training leaves out pixels of a frame of this size, to judge the picture by: not in the paper, nor where
+    /// they would be too few.
+    pub fn leaves_pixels_out(&self, height: usize, width: usize) -> bool {
+        self.composition == Composition::JudgedFullBuffer && unseen::are_enough(height, width)
+    }
+
     /// The settings of a preset.
     pub fn of(preset: Preset, seed: u64) -> Self {
         let (steps, peak) = match preset {

@@ -5,7 +5,7 @@ use crate::preset::{Preset, Settings};
 use serde::Serialize;
 use sspc_cli::record::FilledRole;
 use sspc_core::composition::Composition;
-use sspc_core::estimate::{Estimate, Losses};
+use sspc_core::estimate::{Estimate, Losses, Mean};
 use sspc_core::frame_stats::Findings;
 use sspc_core::independence::Independence;
 use sspc_core::prepare::Prepared;
@@ -177,6 +177,9 @@ pub struct Report {
     pub loss: Losses,
     /// Estimated relL2 of the mean of both halves.
     pub estimate: Estimate,
+    /// Fall of the loss by the pixels that training left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unseen_gain: Option<Mean>,
     /// Why the output is the denoiser's, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<String>,

@@ -59,6 +59,12 @@ impl Objective {
         self
     }
 
+    /// The same without the pixels that training leaves out ([`crate::unseen`]).
+    pub fn without_unseen(mut self) -> Self {
+        self.halves.iter_mut().for_each(|half| crate::unseen::blind(&mut half.weight));
+        self
+    }
+
     /// Appends the features of a tile, mirrored as it says, `[13, h, w]`.
     pub fn append_features(&self, tile: &Tile, out: &mut Vec<f32>) {
         let Tile { half, region, mirror } = tile;

@@ -91,6 +91,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         composition: contract.composition,
         strength: arguments.run.strength,
         rows: None,
+        judged_by_unseen: false,
         keep_maps: false,
     };
     let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
