@@ -5,9 +5,14 @@
 //! halves' estimates give that of their mean through
 //! ‖½(p + q) - μ‖² = ½‖p - μ‖² + ½‖q - μ‖² - ¼‖p - q‖².
 //!
+//! That is the error of the **mean of both halves**. The picture that is delivered starts from the full buffer's z and
+//! has 0.63 to 1.02 times that error: no unbiased estimate of its own is known, since it is made of all samples.
+//!
+//! The correction was trained on y^b, so its estimate is too small, by 6 % in the median;
+//! [`unseen_gain`] is free of that.
+//!
 //! relL2 divides by the reference, r̄² + 0.01, and the frame has only a stand-in for it. That is what
-//! the estimates err by: with the reference's denominator they are within a tenth of the truth
-//! (that the correction was chosen on the same y^a and y^b hardly shows), with the denoiser's picture
+//! the estimates err by most: with the reference's denominator they are within a tenth of the truth, with the denoiser's picture
 //! in its place they are too small by a quarter in the median, since where it is too bright its error
 //! counts for less, and where noise makes it bright the other half's counts for less too. The
 //! finished picture is the best stand-in there is; how far the estimate moves from one to the other
@@ -173,7 +178,8 @@ pub fn unseen_gain(prepared: &Prepared, corrected: &[Image; 2], share: &Image) -
 /// Finished and denoised picture stand in for the reference in the denominator: they are made of both
 /// halves alike. Under a weight made of the half compared with, whose z is large where its noise is,
 /// the squares of that half's noise weigh less than the variance that is to cancel them, and the
-/// estimate falls below 0 in noisy frames; under a symmetric one they weigh the same.
+/// estimate falls below 0 in noisy frames; under a symmetric one squares and variance weigh alike. They still depend on
+/// the same noise: where it makes the stand-in bright, errors count for less.
 pub fn estimate(prepared: &Prepared, pair: &[Image], correction: &Image, rows: Range<usize>) -> Errors {
     // In the method's units the 0.01 of relL2 is this much.
     let floor = f64::from(RELATIVE_FLOOR * prepared.exposure * prepared.exposure);

@@ -16,6 +16,7 @@ use crate::estimate::BLOCK;
 use rayon::prelude::*;
 use serde::Serialize;
 use sspc_image::{Frame, Image};
+use std::fmt;
 
 /// Blocks with noise that a statement needs.
 pub const FEWEST_BLOCKS: usize = 40;
@@ -56,6 +57,15 @@ pub struct Independence {
     pub edges: Option<f64>,
     /// Median correlation of the blocks of each cell of the picture, row by row, in hundredths; None without noise.
     pub map: [[Option<i8>; MAP_SIDE]; MAP_SIDE],
+}
+
+impl fmt::Display for Independence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.correlation {
+            Some(r) => write!(f, "correlation of the halves' noise {r:+.2} ± {:.2}", self.standard_error),
+            None => write!(f, "correlation of the halves' noise unknown: too few blocks have noise"),
+        }
+    }
 }
 
 /// Sums over the valid pixels of a block.

@@ -1,4 +1,5 @@
-//! Whether a frame's halves can be what they claim to be: identical, correlated, lossy, incomplete.
+//! Whether a frame's halves can be what they claim to be, by their files: identical, filtered, lossy, incomplete. (Whether
+//! their noise is independent, `sspc_core::independence` measures.)
 
 use crate::error::{Error, Purpose};
 use crate::resolve::Resolution;
@@ -6,10 +7,6 @@ use sspc_image::{Buffer, Frame, Image, Role};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
-/// Correlation of the halves' noise above which the user is warned: that of a half and the full buffer, given in the
-/// other half's place, is 0.71. Independent halves stay near 0, but where a denoiser blurs texture both residuals
-/// share that texture: 0.46 was seen on foliage.
-pub const HALVES_CORRELATED: f64 = 0.6;
 /// Correlation of neighbouring pixels' noise above which the user is warned. Filters that splat give 0.25 (a tent of
 /// radius 1) or 0.37 (a Gaussian of 0.5 pixels); renders without splatting were seen to reach 0.18 on fur and glass.
 pub const NEIGHBOURS_CORRELATED: f64 = 0.22;
@@ -22,7 +19,6 @@ const FEWEST_SAMPLES: u64 = 256;
 pub struct Inspection {
     /// Rows that are passed over for each one whose correlations are looked at.
     step: usize,
-    height: usize,
     /// Which channels of radiance a, b and denoised a, b, full hold anything finite.
     finite: [[bool; 3]; COLOURS.len()],
     has_full_denoised: bool,
@@ -32,7 +28,6 @@ pub struct Inspection {
     /// Features that are there, and that are finite anywhere, as [`Role::FEATURES`].
     present: [bool; Role::FEATURES.len()],
     usable: [bool; Role::FEATURES.len()],
-    noise: SignCorrelation,
     neighbours: SignCorrelation,
 }
 
@@ -49,14 +44,12 @@ impl Inspection {
     pub(crate) fn new(height: usize, width: usize) -> Self {
         Self {
             step: row_step(height, width),
-            height,
             finite: Default::default(),
             has_full_denoised: false,
             equal: [true; 2],
             black: [true; 2],
             present: Default::default(),
             usable: Default::default(),
-            noise: SignCorrelation::default(),
             neighbours: SignCorrelation::default(),
         }
     }
@@ -89,9 +82,6 @@ impl Inspection {
             self.black[at] = self.black[at] && values(a, 0..3, &inner).all(|value| value == 0.0);
         }
         for y in rows {
-            if y % self.step == 1 % self.step && y > 0 && y + 1 < self.height {
-                add_noise(&mut self.noise, band, y - first);
-            }
             if y % self.step == 0 {
                 add_neighbours(&mut self.neighbours, &band.a.radiance, &band.b.radiance, y - first);
             }
@@ -160,13 +150,6 @@ impl Inspection {
 
     fn correlated(&self) -> Vec<String> {
         let mut warnings = Vec::new();
-        if let Some(r) = self.noise.correlation()
-            && r.abs() > HALVES_CORRELATED
-        {
-            warnings.push(format!(
-                "the noise of the halves is correlated ({r:.2}, expected about 0): they are not independent, and error estimates will be off"
-            ));
-        }
         if let Some(r) = self.neighbours.correlation()
             && r > NEIGHBOURS_CORRELATED
         {
@@ -206,31 +189,8 @@ fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
     warnings
 }
 
-/// Adds a row's noise in both halves to their correlation. The noise is what remains of `y - z` in each half after the
-/// second difference in x and y, which takes out whatever is smooth, the denoiser's bias above all.
-fn add_noise(signs: &mut SignCorrelation, frame: &Frame, y: usize) {
-    for c in 0..3 {
-        for x in 1..frame.width().saturating_sub(1) {
-            let a = second_difference(&frame.a.radiance, &frame.a.denoised, c, y, x);
-            let b = second_difference(&frame.b.radiance, &frame.b.denoised, c, y, x);
-            signs.add(a, b);
-        }
-    }
-}
-
 fn row_step(height: usize, width: usize) -> usize {
     (height * width / MOST_PIXELS).max(1)
-}
-
-fn second_difference(y: &Image, z: &Image, c: usize, row: usize, column: usize) -> f32 {
-    let mut sum = 0.0;
-    for (dy, wy) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
-        for (dx, wx) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
-            let (row, column) = (row + dy - 1, column + dx - 1);
-            sum += wy * wx * (y.at(c, row, column) - z.at(c, row, column));
-        }
-    }
-    sum
 }
 
 /// Adds a row of `a - b` to the correlation between horizontally and vertically neighbouring pixels. The scene itself

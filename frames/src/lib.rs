@@ -12,7 +12,7 @@
 //! | [`align`], [`window`] | pictures of one frame over each other |
 //! | [`open`] | a frame whose rows are read as they are needed |
 //! | [`read`] | whole frames, references and pictures |
-//! | [`checks`] | identical and correlated halves, lossy input, absent features |
+//! | [`checks`] | identical halves, correlated neighbours, lossy input, absent features |
 //! | [`atomic`] | outputs that appear whole or not at all |
 //! | [`temporary`] | the files they are until then, and what killed processes left of them |
 //! | [`output`], `place` | the corrected picture inside a copy of half a |

@@ -13,7 +13,10 @@ use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
 use sspc_cli::record::peak_rss_bytes;
 use sspc_cli::{Failure, interrupt};
+use sspc_core::estimate::Mean;
+use sspc_core::frame_sums::Verdict;
 use sspc_core::prepare::Prepared;
+use sspc_core::trust::Trust;
 use sspc_kernels::simd::Isa;
 use std::time::{Duration, Instant};
 
@@ -130,6 +133,7 @@ fn report(
 fn say_what_was_read(output: &Output, input: &Input) {
     output.say(&format!("{}: {} x {} pixels", input.name, input.denoised.width(), input.denoised.height()));
     input.roles.iter().for_each(|source| output.say(&role_line(source)));
+    output.detail(&format!("  {}", input.stats.independence));
     input.warnings.iter().for_each(|warning| output.say(&format!("  note: {warning}")));
     output.say(&format!("  the picture replaces {}", input.output.channels().join(", ")));
     input.skipped.iter().for_each(|s| output.say(&format!("  skipped: {} ({})", s.what, s.why)));
@@ -139,16 +143,26 @@ fn say_result(output: &Output, input: &Input, outcome: &Outcome) {
     if let Some(reason) = &outcome.verdict.fallback {
         output.say(&format!("{}: the output is the denoiser's, {reason}", input.name));
     }
-    let estimate = &outcome.verdict.estimate;
-    let error = estimate.corrected.standard_error.map_or("uncertainty unknown".into(), |e| format!("± {e:.5}"));
-    output.say(&format!(
-        "estimated relL2 of the halves' mean: denoised {:.5}, corrected {:.5} {error}",
-        estimate.denoised.value, estimate.corrected.value
-    ));
+    // Estimates of halves that are not independent mean nothing.
+    if !matches!(input.stats.trust(), Trust::None(_)) {
+        say_estimate(output, &outcome.verdict);
+    }
     if let Some(RelL2 { noisy, denoised, corrected, .. }) = outcome.rel_l2 {
         output.say(&format!(
             "relL2: noisy {noisy:.5}, denoised {denoised:.5}, corrected {corrected:.5} ({:.2} of the denoiser's)",
             corrected / denoised
         ));
+    }
+}
+
+fn say_estimate(output: &Output, verdict: &Verdict) {
+    let estimate = &verdict.estimate;
+    let error = estimate.corrected.standard_error.map_or("uncertainty unknown".into(), |e| format!("± {e:.5}"));
+    output.say(&format!(
+        "estimated relL2 of the halves' mean: denoised {:.5}, corrected {:.5} {error}",
+        estimate.denoised.value, estimate.corrected.value
+    ));
+    if let Some(Mean { value, standard_error: Some(error) }) = verdict.unseen_gain {
+        output.detail(&format!("  gain over pixels that were not trained on: {value:.5} ± {error:.5} of loss"));
     }
 }

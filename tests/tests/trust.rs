@@ -1,0 +1,124 @@
+//! Halves of a real frame that are not what they claim to be: what is made of them is never worse than the denoiser's.
+//! (`bench/trust` does the same with a denoiser and training, on frames that are not in the repository.)
+
+use sspc_core::bands::FrameBands;
+use sspc_core::composition::Composition;
+use sspc_core::correct::{Corrected, CorrectionSettings, correct};
+use sspc_core::frame_stats::{Exposure, FrameStats};
+use sspc_core::rng::Rng;
+use sspc_core::start;
+use sspc_core::trust::{Distrust, Trust};
+use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
+use sspc_image::{Frame, Image};
+use sspc_kernels::gc::PAPER_RADIUS;
+use sspc_kernels::network::{Shape, WindowNetwork};
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
+use sspc_testkit::frames::data;
+
+/// Texture, the denoiser's traces of noise and 192 blocks move a measured correlation by so much.
+const NEAR: f64 = 0.1;
+
+fn sample() -> Frame {
+    let root = data("sample");
+    let files = FrameFiles::halves(root.join("a.exr"), root.join("b.exr"));
+    let files = files.with_denoised(None, None, Some(root.join("denoised.exr")));
+    read_frame(&files, &RoleOverrides::none()).expect("sample")
+}
+
+/// p + k (q - p).
+fn mixed(p: &Image, q: &Image, k: f32) -> Image {
+    Image::from_rows(p.channels(), p.height(), p.width(), |c, y, row| {
+        for ((out, p), q) in row.iter_mut().zip(p.row(c, y)).zip(q.row(c, y)) {
+            *out = p + k * (q - p);
+        }
+    })
+}
+
+/// The sample with halves whose noise has this correlation, and whose mean is as it was. A linear denoiser mixes its
+/// pictures as the radiance is mixed.
+fn correlated(rho: f32) -> Frame {
+    let mut frame = sample();
+    // Of (1 - k) a + k b and k a + (1 - k) b: rho = 2 k (1 - k) / ((1 - k)² + k²), for k below 0 too.
+    let k = 0.5 * (1.0 - (1.0 - 2.0 * rho / (1.0 + rho)).sqrt());
+    let (a, b) = (frame.a.clone(), frame.b.clone());
+    (frame.a.radiance, frame.b.radiance) = (mixed(&a.radiance, &b.radiance, k), mixed(&b.radiance, &a.radiance, k));
+    (frame.a.denoised, frame.b.denoised) = (mixed(&a.denoised, &b.denoised, k), mixed(&b.denoised, &a.denoised, k));
+    frame
+}
+
+/// The frame corrected with an untrained network.
+fn corrected(frame: &Frame) -> Corrected {
+    let form = Form::Gated;
+    let (isa, shape) = (Isa::best(), Shape::shallow(form));
+    let network = start::analytic(shape, 0.8, &mut Rng::new(1));
+    let how = CorrectionSettings {
+        isa,
+        form,
+        window_radius: PAPER_RADIUS,
+        composition: Composition::JudgedFullBuffer,
+        strength: 1.0,
+        rows: None,
+        judged_by_unseen: false,
+        keep_maps: false,
+    };
+    let mut bands = FrameBands::new(frame, FrameStats::of(frame, Exposure::Normalised), true);
+    match correct(&mut bands, &WindowNetwork::new(isa, form, &network), &how, &|| false) {
+        Ok(corrected) => corrected,
+        Err(_) => panic!("a frame in memory can be corrected"),
+    }
+}
+
+fn trust(frame: &Frame) -> Trust {
+    FrameStats::of(frame, Exposure::Normalised).trust()
+}
+
+fn assert_is_the_denoisers(frame: &Frame) {
+    let Corrected { picture, verdict, mean_share, .. } = corrected(frame);
+    assert_eq!(picture.data(), frame.denoised.as_ref().expect("denoised").data());
+    assert!(verdict.fallback.is_some() && mean_share == 0.0, "{:?}", verdict.fallback);
+}
+
+#[test]
+fn sound_halves_are_trusted_and_corrected() {
+    let frame = sample();
+    assert_eq!(trust(&frame), Trust::Independent, "{:?}", FrameStats::of(&frame, Exposure::Normalised).independence);
+    let Corrected { verdict, mean_share, .. } = corrected(&frame);
+    assert!(verdict.fallback.is_none() && mean_share > 0.0, "{:?}", verdict.fallback);
+}
+
+#[test]
+fn correlated_noise_is_measured_and_the_picture_is_the_denoisers() {
+    for rho in [-0.9f32, -0.5, -0.29, 0.29, 0.5, 0.8, 0.95] {
+        let frame = correlated(rho);
+        let found = FrameStats::of(&frame, Exposure::Normalised).independence.correlation.expect("enough blocks");
+        assert!((found - f64::from(rho)).abs() < NEAR, "{rho}: {found}");
+        assert_eq!(trust(&frame), Trust::None(Distrust::Correlated(found)), "{rho}");
+        assert_is_the_denoisers(&frame);
+    }
+}
+
+#[test]
+fn halves_of_different_pictures_are_not_mixed() {
+    let scaled = |image: &Image, by: f32| {
+        let mut image = image.clone();
+        image.data_mut().iter_mut().for_each(|v| *v *= by);
+        image
+    };
+    let mut brighter = sample();
+    brighter.b.radiance = scaled(&brighter.b.radiance, 1.5);
+    brighter.b.denoised = scaled(&brighter.b.denoised, 1.5);
+    assert!(matches!(trust(&brighter), Trust::None(Distrust::Brightness(_, r)) if (r - 1.0 / 1.5).abs() < 0.02));
+
+    let mut denoised = sample();
+    denoised.b.radiance = mixed(&denoised.b.radiance, &denoised.b.denoised, 0.9);
+    assert!(matches!(trust(&denoised), Trust::None(Distrust::Noise(r)) if r > 12.0), "{:?}", trust(&denoised));
+
+    let mut moved = sample();
+    let (height, width) = (moved.height(), moved.width());
+    let shifted = |image: &Image| Image::from_fn(3, height, width, |c, y, x| image.at(c, y, (x + 3) % width));
+    moved.b.albedo = moved.b.albedo.as_ref().map(shifted);
+    moved.b.normal = moved.b.normal.as_ref().map(shifted);
+    assert!(matches!(trust(&moved), Trust::None(Distrust::Edges(_))), "{:?}", trust(&moved));
+    [brighter, denoised, moved].iter().for_each(assert_is_the_denoisers);
+}
