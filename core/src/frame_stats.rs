@@ -1,17 +1,13 @@
 //! What is decided once for a whole frame, however it is cut afterwards: exposure, the features in use, and what is
 //! unusual. A frame may come whole or in bands of rows; both give the same bits.
 
+use crate::exposure::{self, NoisyPixel};
 use crate::independence::{Independence, IndependenceCollector};
 use crate::trust::Trust;
 use rayon::prelude::*;
 use sspc_image::{Frame, Image, Role};
 use sspc_kernels::features::FeatureSet;
 
-/// Mean of the darker 95 % of the positive z̄ that normalised exposure aims at: the constants of the method
-/// (0.01, log(1 + d)) are made for renders of about this brightness.
-const TARGET_MEAN: f64 = 0.25;
-/// Share of the pixels that count for exposure: emitters seen directly do not.
-const EXPOSED_SHARE: f64 = 0.95;
 /// Rows that one thread looks at, at a time.
 const ROWS_PER_JOB: usize = 8;
 
@@ -21,8 +17,10 @@ const ROWS_PER_JOB: usize = 8;
 pub enum Exposure {
     /// As in the paper: values as they are.
     AsIs,
-    /// One factor for both halves, from finite pixels of the denoised images only.
+    /// One factor for both halves, from all finite pixels of the denoised images.
     Normalised,
+    /// The same, from the pixels that have noise to mend.
+    OfNoise,
 }
 
 /// Unusual pixels and features.
@@ -160,8 +158,10 @@ fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
 /// A survey under way.
 struct Collector {
     exposure: Exposure,
-    /// Positive z̄ of valid pixels, both halves' mean, row after row.
+    /// Positive z̄ of valid pixels, both halves' mean, row after row, for the rule that needs no more.
     means: Vec<f64>,
+    /// The same with the noise.
+    noisy_pixels: Vec<NoisyPixel>,
     /// Albedo, normal, visibility.
     features: [Variation; 3],
     noisy: bool,
@@ -179,17 +179,21 @@ struct Variation {
 
 impl Collector {
     fn new(pixels: usize, exposure: Exposure, unusable: FeatureSet) -> Self {
-        let counted = if exposure == Exposure::Normalised { pixels } else { 0 };
+        let room_for = |rule| if exposure == rule { pixels } else { 0 };
+        let (means, noisy_pixels) =
+            (Vec::with_capacity(room_for(Exposure::Normalised)), Vec::with_capacity(room_for(Exposure::OfNoise)));
         let found = Findings { unusable, ..Findings::default() };
         let (features, independence) = (Default::default(), IndependenceCollector::new());
-        Self { exposure, means: Vec::with_capacity(counted), features, noisy: false, found, independence }
+        Self { exposure, means, noisy_pixels, features, noisy: false, found, independence }
     }
 
     /// Looks at the next band below.
     fn look(&mut self, band: &Frame) {
         let valid = validity(band);
-        if self.exposure == Exposure::Normalised {
-            add_means(band, &valid, &mut self.means);
+        match self.exposure {
+            Exposure::AsIs => {}
+            Exposure::Normalised => add_pixels(band, &valid, mean_of_pixel, &mut self.means),
+            Exposure::OfNoise => add_pixels(band, &valid, noise_of_pixel, &mut self.noisy_pixels),
         }
         self.independence.look(band, &valid);
         for (variation, feature) in self.features.iter_mut().zip(Role::FEATURES) {
@@ -218,7 +222,8 @@ impl Collector {
         let set = FeatureSet { albedo, normal, visibility }.without(unusable);
         let exposure = match self.exposure {
             Exposure::AsIs => 1.0,
-            Exposure::Normalised => normalised_exposure(self.means),
+            Exposure::Normalised => exposure::of_all(self.means),
+            Exposure::OfNoise => exposure::of_noisy(&self.noisy_pixels),
         };
         let independence = self.independence.finish();
         let found = Findings { shared_noise: Trust::of(&independence).shared_noise(), ..self.found };
@@ -260,29 +265,38 @@ impl Variation {
     }
 }
 
-fn add_means(band: &Frame, valid: &Image, means: &mut Vec<f64>) {
-    let (a, b) = (&band.a.denoised, &band.b.denoised);
-    let of_row = |y: usize| -> Vec<f64> {
-        let z: [(&[f32], &[f32]); 3] = std::array::from_fn(|c| (a.row(c, y), b.row(c, y)));
-        let mean =
-            |x: usize| z.iter().map(|(a, b)| f64::from(a[x].max(0.0)) + f64::from(b[x].max(0.0))).sum::<f64>() / 6.0;
+/// Three channels of a row of each half.
+type RowPair<'a> = [(&'a [f32], &'a [f32]); 3];
+
+/// Adds what `of_pixel` says of each valid pixel's z and y, row after row.
+fn add_pixels<T: Copy + Send>(
+    band: &Frame,
+    valid: &Image,
+    of_pixel: fn(&RowPair, &RowPair, usize) -> Option<T>,
+    out: &mut Vec<T>,
+) {
+    let of_row = |y: usize| -> Vec<T> {
+        let z: RowPair = std::array::from_fn(|c| (band.a.denoised.row(c, y), band.b.denoised.row(c, y)));
+        let radiance: RowPair = std::array::from_fn(|c| (band.a.radiance.row(c, y), band.b.radiance.row(c, y)));
         let valid = valid.row(0, y);
-        (0..a.width()).filter(|&x| valid[x] != 0.0).map(mean).filter(|&m| m > 0.0).collect()
+        (0..valid.len()).filter(|&x| valid[x] != 0.0).filter_map(|x| of_pixel(&z, &radiance, x)).collect()
     };
     // In turns, so that few rows are held twice.
-    for top in (0..a.height()).step_by(64) {
-        let rows: Vec<Vec<f64>> = (top..(top + 64).min(a.height())).into_par_iter().map(of_row).collect();
-        rows.iter().for_each(|row| means.extend_from_slice(row));
+    for top in (0..band.height()).step_by(64) {
+        let rows: Vec<Vec<T>> = (top..(top + 64).min(band.height())).into_par_iter().map(of_row).collect();
+        rows.iter().for_each(|row| out.extend_from_slice(row));
     }
 }
 
-fn normalised_exposure(mut means: Vec<f64>) -> f32 {
-    let count = ((means.len() as f64 * EXPOSED_SHARE).ceil() as usize).max(1).min(means.len());
-    if 0 < count && count < means.len() {
-        means.select_nth_unstable_by(count - 1, f64::total_cmp);
-    }
-    let mean = means[..count].iter().sum::<f64>() / count.max(1) as f64;
-    // Beyond this range the squares of exposures and radiances leave f32.
-    let factor = (TARGET_MEAN / mean).clamp(1e-12, 1e12);
-    if factor.is_finite() && count > 0 { factor as f32 } else { 1.0 }
+/// z̄ of a pixel, both halves' mean, where it is positive.
+fn mean_of_pixel(z: &RowPair, _: &RowPair, x: usize) -> Option<f64> {
+    let mean = z.iter().map(|(a, b)| f64::from(a[x].max(0.0)) + f64::from(b[x].max(0.0))).sum::<f64>() / 6.0;
+    (mean > 0.0).then_some(mean)
+}
+
+/// The same with the pixel's noise.
+fn noise_of_pixel(z: &RowPair, radiance: &RowPair, x: usize) -> Option<NoisyPixel> {
+    let mean = mean_of_pixel(z, radiance, x)? as f32;
+    let apart = radiance.iter().map(|(a, b)| (a[x].max(0.0) - b[x].max(0.0)).abs()).sum::<f32>() / 3.0;
+    Some(NoisyPixel { mean, noise: apart.min(mean) })
 }

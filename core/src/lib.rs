@@ -31,6 +31,7 @@ pub mod composition;
 pub mod correct;
 pub mod corrector;
 pub mod estimate;
+mod exposure;
 pub mod fill;
 pub mod frame_stats;
 pub mod frame_sums;

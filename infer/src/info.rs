@@ -99,6 +99,7 @@ fn exposure_name(exposure: Exposure) -> &'static str {
     match exposure {
         Exposure::AsIs => "as is",
         Exposure::Normalised => "normalised",
+        Exposure::OfNoise => "of noise",
     }
 }
 

@@ -38,6 +38,14 @@ halves and of the three channels, finite pixels); y and z of both halves times t
 at 0; the picture divided by the scale; albedo, visibility and normal as rendered; absent or \
 constant features 0"
         }
+        Exposure::OfNoise => {
+            "scale 0.25 / mean of the darker 95 % of the positive z of both halves (mean of both \
+halves and of the three channels, finite pixels) over pixels with noise; noise is the mean over the \
+three channels of the difference of both halves' y, at most z, and counts from 1 % of the value \
+that half of the sum of all noise exceeds; y and z of both halves times the scale, clamped at 0; \
+the picture divided by the scale; albedo, visibility and normal as rendered; absent or constant \
+features 0"
+        }
     }
 }
 

@@ -69,7 +69,8 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
     let exposure = match entries.text("exposure")? {
         "as-is" => Exposure::AsIs,
         "normalised" => Exposure::Normalised,
-        found => return Err(key_error("exposure", "`as-is` or `normalised`", found)),
+        "of-noise" => Exposure::OfNoise,
+        found => return Err(key_error("exposure", "`as-is`, `normalised` or `of-noise`", found)),
     };
     entries.same("exposure_rule", exposure_rule(exposure))?;
     entries.same("padding", PADDING)?;
@@ -102,6 +103,7 @@ fn exposure_name(exposure: Exposure) -> &'static str {
     match exposure {
         Exposure::AsIs => "as-is",
         Exposure::Normalised => "normalised",
+        Exposure::OfNoise => "of-noise",
     }
 }
 

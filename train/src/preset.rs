@@ -202,7 +202,7 @@ impl Settings {
             form: Form::Gated,
             shape: Shape::shallow(Form::Gated),
             radius: PAPER_RADIUS,
-            exposure: Exposure::Normalised,
+            exposure: Exposure::OfNoise,
             start: Start::Analytic { gate: 0.7 },
             combination: Combination::PostCorrection,
             sampling: Sampling::Important,
