@@ -100,6 +100,7 @@ impl ReadFrame {
         }
         warnings.extend(stats.trust().warning());
         warnings.extend(stats.found.notes());
+        warnings.extend(stats.trust().warning());
         Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings, different })
     }
 
@@ -142,6 +143,7 @@ impl ReadFrame {
         }
         warnings.extend(stats.trust().warning());
         warnings.extend(stats.found.notes());
+        warnings.extend(stats.trust().warning());
         Ok(Self { source, stats, roles, warnings, different })
     }
 }

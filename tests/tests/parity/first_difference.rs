@@ -227,8 +227,8 @@ fn a_fault_is_named_by_the_stage_it_is_in() {
     let case = Case::named("pipeline");
     let named = |fault: Fault| report(&case, &run(&case, Isa::best(), fault)).1;
     assert_eq!(named(Fault { features: true, ..Fault::default() }), Some("features"));
-    for layer in 1..=9 {
-        assert_eq!(named(Fault { layer: Some(layer), ..Fault::default() }), Some(STAGES[layer].0));
+    for (layer, stage) in STAGES.iter().enumerate().skip(1).take(9) {
+        assert_eq!(named(Fault { layer: Some(layer), ..Fault::default() }), Some(stage.0));
     }
     for channel in 0..16 {
         assert_eq!(named(Fault { parameter: Some(channel), ..Fault::default() }), Some("parameters"));
