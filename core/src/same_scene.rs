@@ -286,7 +286,7 @@ mod tests {
         let same = |_: usize, y: usize, x: usize| strands(0, y, x);
         assert_eq!(places(&frame(2, same, false)), None, "the same fur");
         assert_eq!(places(&frame(3, same, true)), None, "a filter that splats");
-        let dark = |_: usize, y: usize, x: usize| if (y / 40 + x / 40) % 2 == 0 { 0.0 } else { 1e-6 };
+        let dark = |_: usize, y: usize, x: usize| if (y / 40 + x / 40).is_multiple_of(2) { 0.0 } else { 1e-6 };
         assert_eq!(places(&frame(4, dark, false)), None, "black and nearly black");
         let mut fireflies = frame(5, same, false);
         let mut rng = Rng::new(6);
