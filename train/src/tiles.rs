@@ -87,7 +87,7 @@ impl Schedule {
         self
     }
 
-    /// The same, with random tiles over blocks in proportion to their [`importance`] to `prepared`
+    /// The same, with random tiles over blocks in proportion to their importance to `prepared` (`importance.rs`)
     /// where the settings say so.
     pub fn by_importance(mut self, settings: &Settings, prepared: &Prepared) -> Self {
         if settings.sampling == Sampling::Important {
