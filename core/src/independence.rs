@@ -3,7 +3,7 @@
 //! With r = y - z of a half's own z, the correlation of r^a and r^b over a block of [`BLOCK`] x [`BLOCK`] pixels is that
 //! of the noise, and more where the denoiser blurred texture that both halves share: that only adds to it, block by
 //! block. So the frame's correlation is read off the **lower quartile over its blocks**. Injected correlations from -0.9
-//! to 0.95 come back within 0.05 on nine frames of three renderers; independent halves of 38 frames give -0.04 to 0.06,
+//! to 0.95 come back within 0.05 on nine frames of three renderers; independent halves of 38 frames give -0.04 to 0.05,
 //! whatever the denoiser. Only frames that are fine leaves all over gave more, 0.24 at 16 samples a pixel and 0.53 at 64.
 //! But noise that is shared is shared everywhere, while texture differs from block to block: where the **lowest
 //! twentieth** lies far below the quartile, it is texture, and the correlation can't be larger than that twentieth and
