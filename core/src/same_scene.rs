@@ -6,7 +6,7 @@
 //! becomes a smear, with a better loss.
 //!
 //! The correlation of (y^a - y^b) / (y^a + y^b) is taken tile by tile, mean taken off, right and lower neighbours together:
-//! the median of a whole picture hides a furry animal. Of 91 tiles of a pair with two furs, 14 % exceed [`CORRELATED`]; of
+//! the median of a whole picture hides a furry animal. Of 91 tiles of a pair with two furs, 14 % exceed `CORRELATED`; of
 //! ten other pairs (fur, grass, depth of field, outliers, 8 to 128 samples a half), 0 to 0.3 %.
 //!
 //! Filters that splat samples correlate everywhere, so what counts is what exceeds the median. Different fur that fills more

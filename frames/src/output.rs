@@ -1,7 +1,7 @@
 //! The corrected picture inside a copy of half a: every other channel, part, window and attribute is kept, byte for byte
 //! where the format allows it.
 //!
-//! The picture takes the place of the noisy colour that it was made from ([`crate::place`]). Alpha and all other channels
+//! The picture takes the place of the noisy colour that it was made from (`place.rs`). Alpha and all other channels
 //! stay those of the template.
 //!
 //! Half floats stay half floats where they can hold the picture, else these channels become f32. A part that takes the

@@ -2,8 +2,8 @@
 //!
 //! | module | job |
 //! |---|---|
-//! | [`plan`] | a tract plan of the network graph at the window's size |
-//! | [`fused`] | our kernels as tract's operator for the whole network |
+//! | `plan` | a tract plan of the network graph at the window's size |
+//! | `fused` | our kernels as tract's operator for the whole network |
 
 mod fused;
 mod plan;
