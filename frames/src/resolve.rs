@@ -251,7 +251,7 @@ impl Search<'_> {
             None => Err(Error::MissingRole {
                 path: exr.path.clone(),
                 purpose: Purpose::Role(role, Buffer::B),
-                expected: format!("{}, as in half a", shown(&names.join(","))),
+                expected: format!("{}, as in half a{}", shown(&names.join(",")), own_file(role)),
                 found: layers.summary(),
             }),
         }
@@ -308,7 +308,7 @@ impl Search<'_> {
             Reading::Marked(_) => " marked odd, b or an ending B",
             _ => "",
         };
-        let own = if role == Role::Denoised { " or a file of its own" } else { "" };
+        let own = own_file(role);
         let proposal = layers.nearest(role, self.anchor(buffer));
         let proposal = proposal.map(|path| format!("; perhaps --role '{}={path}'", role.name())).unwrap_or_default();
         Error::MissingRole {
@@ -336,6 +336,11 @@ impl Search<'_> {
                 .push(format!("view {own} is corrected, {others} stays as it is (--view names another, or all)"));
         }
     }
+}
+
+/// What else a role may be given in, for messages.
+fn own_file(role: Role) -> &'static str {
+    if role == Role::Denoised { " or a file of its own" } else { "" }
 }
 
 /// A channel by its exact name, else without regard to case.
