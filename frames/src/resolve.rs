@@ -271,7 +271,9 @@ impl Search<'_> {
             }
             Selection::Layer(name) => {
                 // One channel by its full name is a layer of one component.
-                layers.named(name, role, view).or_else(|| named_channel(exr, name).map(grey))
+                let may_be_grey = role == Role::Radiance || self.anchor(buffer).is_some_and(|anchor| anchor.is_grey);
+                let only = || named_channel(exr, name).filter(|_| may_be_grey || component_count(role) == 1).map(grey);
+                layers.named(name, role, view, may_be_grey).or_else(only)
             }
             Selection::Channels(names) => {
                 names.iter().map(|name| named_channel(exr, name)).collect::<Option<Vec<_>>>().map(Hit::of)

@@ -39,6 +39,8 @@ pub struct Anchor {
     pub reading: Reading,
     /// It is the picture of its view layer, not one light of it.
     is_main: bool,
+    /// One channel stands for all three.
+    pub is_grey: bool,
 }
 
 /// How far a layer is from the anchor; the derived order is the order of preference.
@@ -104,7 +106,8 @@ impl Layers {
                 && other.channels_for(Role::Radiance).is_some()
         };
         let is_main = is_named || !self.list.iter().any(|other| is_rival(&other));
-        Some(Anchor { view: layer.view, name: name.clone(), part: layer.part, reading, is_main })
+        let is_grey = channels.len() > 1 && channels.iter().all(|channel| *channel == channels[0]);
+        Some(Anchor { view: layer.view, name: name.clone(), part: layer.part, reading, is_main, is_grey })
     }
 
     /// The channels of `role` that belong to the noisy colour at `anchor`, among layers of this reading.
@@ -113,8 +116,9 @@ impl Layers {
         for layer in self.list.iter().filter(|layer| layer.view == anchor.view) {
             let Some(name) = layer.name(reading) else { continue };
             let is_anchor = *name == anchor.name && layer.part == anchor.part && reading == anchor.reading;
-            let channels =
-                layer.channels_for(role).or_else(|| layer.grey_channels().filter(|_| role == Role::Denoised));
+            let channels = layer
+                .channels_for(role)
+                .or_else(|| layer.grey_channels().filter(|_| role == Role::Denoised && anchor.is_grey));
             let (Some(channels), false) = (channels, is_anchor) else { continue };
             if let Some((rank, distance)) = self.standing(role, name, anchor, reading) {
                 all.push((distance, rank, layer.part != anchor.part, layer, channels));
@@ -217,7 +221,8 @@ impl Layers {
     }
 
     /// The components of `role` in the layer that the user named: the whole path first, then its ending.
-    pub fn named(&self, name: &str, role: Role, view: usize) -> Option<Hit> {
+    /// One component does where `may_be_grey`.
+    pub fn named(&self, name: &str, role: Role, view: usize, may_be_grey: bool) -> Option<Hit> {
         let name = name.trim_start_matches('.').to_lowercase();
         let ending = format!(".{name}");
         let matches = |layer: &Layer, test: &dyn Fn(&str) -> bool| {
@@ -225,7 +230,7 @@ impl Layers {
         };
         let whole = self.list.iter().find(|layer| matches(layer, &|path| path == name));
         let layer = whole.or_else(|| self.list.iter().find(|layer| matches(layer, &|path| path.ends_with(&ending))))?;
-        layer.channels_for(role).or_else(|| layer.grey_channels()).map(Hit::of)
+        layer.channels_for(role).or_else(|| layer.grey_channels().filter(|_| may_be_grey)).map(Hit::of)
     }
 
     fn first(
