@@ -25,8 +25,8 @@ use std::ops::Range;
 /// multiple of the plan's blocks and of [`estimate::BLOCK`]: no block is cut, and sums are the same.
 const ROWS_AT_ONCE: usize = 128;
 const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(estimate::BLOCK) && ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
-/// Memory for the parameters of the rows that are corrected at a time, both halves.
-const PARAMETER_BYTES: usize = 32 << 20;
+/// Memory for the parameters of the rows that are corrected at a time: beyond it, rows do not hold more.
+const PARAMETER_BYTES: usize = 16 << 20;
 
 /// A band of rows, corrected and weighed.
 #[derive(Clone, Debug)]

@@ -85,7 +85,7 @@ fn one_frame_is_corrected_and_described() {
     let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
     assert_eq!(json["width"], 256);
     assert_eq!(json["model"]["frames"][0], "kitchen.1001.exr");
-    for time in ["read", "features", "network", "finish", "write", "total"] {
+    for time in ["read", "features", "correct", "write", "total"] {
         assert!(json["seconds"][time].as_f64().expect(time) > 0.0, "{time}");
     }
     let first_tile = json["first_tile_after"].as_f64().expect("a time");

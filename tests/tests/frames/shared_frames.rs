@@ -64,7 +64,7 @@ fn blenders_parts_are_read_unasked() {
     );
     assert_eq!(named(Role::Denoised, Buffer::Full), "R,G,B");
     assert!(frame.warnings.iter().any(|line| line.contains("no visibility")));
-    assert_eq!((frame.width(), frame.height()), (320, 180));
+    assert_eq!((frame.width(), frame.height()), (480, 270));
 }
 
 #[test]
