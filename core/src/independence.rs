@@ -38,7 +38,7 @@ const LEAST_EDGE: f64 = 1e-4;
 const ROWS_PER_JOB: usize = 8;
 
 /// What a frame's halves say of each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Independence {
     /// Correlation of the halves' noise, -1..1: the lower quartile over blocks, and no more than the lowest twentieth
     /// allows. None when too few blocks have noise.
@@ -64,6 +64,22 @@ impl fmt::Display for Independence {
         match self.correlation {
             Some(r) => write!(f, "correlation of the halves' noise {r:+.2} ± {:.2}", self.standard_error),
             None => write!(f, "correlation of the halves' noise unknown: too few blocks have noise"),
+        }
+    }
+}
+
+impl Default for Independence {
+    /// Of halves of which nothing can be said.
+    fn default() -> Self {
+        Self {
+            correlation: None,
+            standard_error: 0.0,
+            textured: false,
+            median: 0.0,
+            noise_ratio: 1.0,
+            brightness: [1.0; 3],
+            edges: None,
+            map: [[None; MAP_SIDE]; MAP_SIDE],
         }
     }
 }
