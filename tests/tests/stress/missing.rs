@@ -154,7 +154,9 @@ fn nothing_spreads_beyond_the_windows_that_hold_a_missing_pixel() {
                 &format!("{what}: parameters"),
             );
             assert_unreached(&stages.halves[h], &clean.halves[h], place, network + g_c, &format!("{what}: g_c"));
-            assert!(stages.parameters[h] != clean.parameters[h], "{what}: the place was not seen");
+            // A single pixel in shadow has visibility 0, which is what a missing one counts as.
+            let is_shadow = role.0.starts_with("visibility") && place.pixels() == 1;
+            assert!(is_shadow || stages.parameters[h] != clean.parameters[h], "{what}: the place was not seen");
         }
         assert_unreached(&stages.weighed, &clean.weighed, place, whole, &format!("{what}: weighed halves"));
         assert_unreached(&stages.picture, &clean.picture, place, whole, &format!("{what}: picture"));
