@@ -157,7 +157,7 @@ def main(arguments=None):
         results = [measure(frame, what, program, options, environment) for what in columns]
         print(f"| {frame.name} | " + " | ".join(map(cell, results)) + " |", flush=True)
         worst = max([worst, *(result[0] for result in results if result)])
-    print(f"\n`{options.preset}`, relL2 over the denoiser's; (d): the denoiser's picture was the answer; worst {worst:.3f}")
+    print(f"\n`{options.preset}`, relL2 over the denoiser's; (d): the denoiser's was the answer; worst {worst:.3f}")
     return int(worst > LIMIT)
 
 

@@ -1,7 +1,7 @@
 """The second reader of second_reader.rs: OpenEXR's own Python package writes templates and opens what was made of them.
 
-    python second_reader.py make FOLDER      # one folder per case: a.exr, b.exr, denoised-a.exr, denoised-b.exr, denoised.exr, roles
-    python second_reader.py check FOLDER     # out.exr in each against a.exr; prints what is wrong, exits with 1 then
+python second_reader.py make FOLDER      # one folder per case: a.exr, b.exr, denoised{-a,-b,}.exr, roles
+python second_reader.py check FOLDER     # out.exr in each against a.exr; prints what is wrong, exits with 1 then
 """
 
 import struct
@@ -53,7 +53,10 @@ def pictures(seed=0):
 
 def colour(prefix, picture, kind=np.float32, names=RGB):
     """Channels of a layer."""
-    return {(prefix + "." if prefix else "") + n: np.ascontiguousarray(picture[..., c]).astype(kind) for c, n in enumerate(names)}
+    return {
+        (prefix + "." if prefix else "") + n: np.ascontiguousarray(picture[..., c]).astype(kind)
+        for c, n in enumerate(names)
+    }
 
 
 def others(kind=np.float32):
@@ -61,19 +64,27 @@ def others(kind=np.float32):
     rng = np.random.default_rng(99)
     depth = rng.random((HEIGHT, WIDTH)).astype(np.float32) * 1e4
     depth[3, 4] = np.nan
-    return {"A": np.ones((HEIGHT, WIDTH), kind), "depth.Z": depth, "id.Y": rng.integers(0, 2**32, (HEIGHT, WIDTH), np.uint32)}
+    return {
+        "A": np.ones((HEIGHT, WIDTH), kind),
+        "depth.Z": depth,
+        "id.Y": rng.integers(0, 2**32, (HEIGHT, WIDTH), np.uint32),
+    }
 
 
 def write(path, parts):
     """A file of (header, channels); one of them makes a single part."""
     scan = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
     made = [({**scan, **header}, channels) for header, channels in parts]
-    OpenEXR.File([OpenEXR.Part(h, c, name=h.get("name", "")) for h, c in made]).write(str(path)) if len(made) > 1 else OpenEXR.File(*made[0]).write(str(path))
+    OpenEXR.File([OpenEXR.Part(h, c, name=h.get("name", "")) for h, c in made]).write(str(path)) if len(
+        made
+    ) > 1 else OpenEXR.File(*made[0]).write(str(path))
 
 
 def single(header=None, kind=np.float32, more=None, prefix="", names=RGB):
     """A case of one part: parts of half `key`."""
-    return lambda picture, key: [(header or {}, {**colour(prefix, picture, kind, names), **others(kind), **(more or {})})]
+    return lambda picture, key: [
+        (header or {}, {**colour(prefix, picture, kind, names), **others(kind), **(more or {})})
+    ]
 
 
 def tiles(mode):
@@ -91,8 +102,10 @@ def window(left, top):
 
 def with_part(header, channels, name="fog"):
     """The colour, and a part that nobody needs."""
+
     def parts(picture, key):
         return [({"name": "rgba"}, {**colour("", picture), **others()}), ({"name": name, **header}, channels)]
+
     return parts
 
 
@@ -134,12 +147,20 @@ CASES = {
     "decreasing": (single({"lineOrder": OpenEXR.DECREASING_Y}), RGB, ""),
     "window": (single(window(30, -14)), RGB, ""),
     "tiles": (single(tiles(OpenEXR.LevelMode.ONE_LEVEL)), RGB, ""),
-    "long name": (single(more={"a layer with a name of more than thirty-one bytes.X": np.ones((HEIGHT, WIDTH), np.float32)}), RGB, ""),
+    "long name": (
+        single(more={"a layer with a name of more than thirty-one bytes.X": np.ones((HEIGHT, WIDTH), np.float32)}),
+        RGB,
+        "",
+    ),
     "utf-8": (single(prefix="视图层.Größe"), tuple("视图层.Größe." + n for n in RGB), "radiance=视图层.Größe"),
     "small letters": (single(names=("r", "g", "b")), ("r", "g", "b"), ""),
     "light": (light, tuple("RGBA_key." + n for n in RGB), "radiance=RGBA_key"),
     "deep part": (with_part({"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}, deep()), RGB, ""),
-    "htj2k part": (with_part({"compression": OpenEXR.HTJ2K256_COMPRESSION}, {"Z": np.ones((HEIGHT, WIDTH), np.float32)}), RGB, ""),
+    "htj2k part": (
+        with_part({"compression": OpenEXR.HTJ2K256_COMPRESSION}, {"Z": np.ones((HEIGHT, WIDTH), np.float32)}),
+        RGB,
+        "",
+    ),
     "lossy part": (with_part({"compression": OpenEXR.DWAB_COMPRESSION}, {"R": scene(4)[..., 0].copy()}), RGB, ""),
     "R, G, B in parts": (by_parts, RGB, "radiance=part0.R,part1.G,part2.B"),
     "views": (stereo, tuple(f"L.Combined.{v}.{n}" for v in ("left", "right") for n in RGB), "view=all"),
@@ -188,7 +209,12 @@ def make(folder):
         case = Path(folder) / f"{number:02}"
         case.mkdir(parents=True)
         for key, picture in pictures(number).items():
-            write(case / f"{key}.exr", parts(picture, key) if key in "ab" or name == "views" else [({k: v for k, v in window(30, -14).items()} if name == "window" else {}, colour("", picture))])
+            write(
+                case / f"{key}.exr",
+                parts(picture, key)
+                if key in "ab" or name == "views"
+                else [({k: v for k, v in window(30, -14).items()} if name == "window" else {}, colour("", picture))],
+            )
             if isinstance(roles, tuple) and key in "ab":
                 stamp(case / f"{key}.exr", roles)
         (case / "roles").write_text(roles if isinstance(roles, str) else "", encoding="utf-8")

@@ -133,7 +133,7 @@ pub fn skipped(prepared: &Prepared) -> Vec<Skipped> {
         out.push(Skipped { what: "still blocks".into(), why });
     }
     if prepared.found.missing_pixels > 0 {
-        let why = format!("{} pixels with NaN or Inf", prepared.found.missing_pixels);
+        let why = format!("{} pixels with NaN or Inf, or of halves that differ", prepared.found.missing_pixels);
         out.push(Skipped { what: "missing pixels".into(), why });
     }
     out
