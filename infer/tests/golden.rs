@@ -33,5 +33,5 @@ fn corrected_pictures_are_as_they_were() {
         ("small tiles", run("gated.onnx", "fused", "blender", &files, &["--tile", "24"])),
     ];
     let cases = cases.map(|(name, arguments)| Case { name, arguments, hashes });
-    golden::check("run.json", env!("CARGO_BIN_EXE_sspc-infer"), &cases, |_, _, _| {});
+    golden::check("run.json", env!("CARGO_BIN_EXE_sspc-infer"), &cases);
 }

@@ -188,6 +188,9 @@ pub struct Settings {
     pub composition: Composition,
     /// Features that may take part: all, or those of the model that training starts from.
     pub features: FeatureSet,
+    /// Whether one block in eight is not trained on and judges the picture ([`unseen`]). In no preset: where fireflies
+    /// decide, one frame of fur in four seeds came out 1.5 times the denoiser's error, and 0.9 without.
+    pub held_out: bool,
     /// What of a frame is left out where it needs no work.
     pub skip: Skip,
     /// Settings that are not the preset's own, KEY=VALUE.
@@ -198,10 +201,10 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Whether training leaves out pixels of a frame of this size, to judge the picture by: not in the paper, nor where
-    /// they would be too few.
+    /// Whether training leaves out pixels of a frame of this size, to judge the picture by: not where they would be too
+    /// few.
     pub fn leaves_pixels_out(&self, height: usize, width: usize) -> bool {
-        self.composition == Composition::JudgedFullBuffer && unseen::are_enough(height, width)
+        self.held_out && self.composition == Composition::JudgedFullBuffer && unseen::are_enough(height, width)
     }
 
     /// The settings of a preset.
@@ -231,6 +234,7 @@ impl Settings {
             influence: Influence { first: 1.0, last: 10.0 },
             composition: Composition::JudgedFullBuffer,
             features: FeatureSet::ALL,
+            held_out: false,
             skip: Skip::ALL,
             changes: Vec::new(),
             seed,

@@ -17,7 +17,7 @@ const TILES: (usize, usize) = (8, 512);
 const MAX_BATCH: usize = 256;
 
 /// Every key and what it may be, as `--help` and messages show them.
-pub const KEYS: [(&str, &str); 12] = [
+pub const KEYS: [(&str, &str); 13] = [
     ("window", "side of the window of g_c in pixels, odd, 3 to 25"),
     ("hidden", "channels of a hidden layer, 1 to 16"),
     ("layers", "convolutions, 1 to 32"),
@@ -30,6 +30,7 @@ pub const KEYS: [(&str, &str); 12] = [
     ("rate", "highest learning rate, above 0, at most 0.1"),
     ("skip", "all, none, blocks (still blocks only) or features (constant features only)"),
     ("composition", "judged, or halves (their mean, as in the paper)"),
+    ("held-out", "none, or blocks (one in eight is not trained on, and judges the picture)"),
 ];
 
 /// A setting that cannot be changed in this way.
@@ -138,6 +139,7 @@ impl Change {
                     ("features", Skip { blocks: false, features: true }),
                 ])?;
             }
+            "held-out" => settings.held_out = self.choice(&[("none", false), ("blocks", true)])?,
             _ => {
                 settings.composition =
                     self.choice(&[("judged", Composition::JudgedFullBuffer), ("halves", Composition::MeanOfHalves)])?;
@@ -202,7 +204,7 @@ mod tests {
             f(&mut settings);
             settings
         };
-        let cases: [(&str, Settings); 14] = [
+        let cases: [(&str, Settings); 15] = [
             ("window=7", small(&|s| s.radius = 3)),
             ("window=25", small(&|s| s.radius = 12)),
             ("hidden=1", small(&|s| s.shape.hidden = 1)),
@@ -217,6 +219,7 @@ mod tests {
             ("rate=0.004", small(&|s| s.rate = Rate::Cosine { peak: 0.004, warm_up: 10 })),
             ("skip=blocks", small(&|s| s.skip = Skip { blocks: true, features: false })),
             ("composition=halves", small(&|s| s.composition = Composition::MeanOfHalves)),
+            ("held-out=blocks", small(&|s| s.held_out = true)),
         ];
         for (change, mut expected) in cases {
             expected.changes = vec![change.into()];
@@ -246,6 +249,7 @@ mod tests {
             ("rate", vec!["0", "0.2", "nan", "inf"]),
             ("skip", vec!["some"]),
             ("composition", vec!["full"]),
+            ("held-out", vec!["some"]),
         ];
         assert_eq!(wrong.len(), KEYS.len());
         for ((key, values), (known, allowed)) in wrong.iter().zip(KEYS) {

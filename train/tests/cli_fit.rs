@@ -326,6 +326,7 @@ fn the_report_holds_every_setting_as_data() {
         "composition",
         "features",
         "skip",
+        "held_out",
         "changed",
         "seed",
     ] {

@@ -54,11 +54,5 @@ fn fits_are_as_they_were() {
         ("nothing skipped", blender(&["--set", "skip=none", "--set", "sampling=uniform", "--steps", "10"])),
     ];
     let cases = cases.map(|(name, arguments)| Case { name, arguments, hashes });
-    golden::check("fit.json", env!("CARGO_BIN_EXE_sspc-train"), &cases, |case, isa, folder| {
-        // Models for the pictures of `sspc-infer run`.
-        let model = [("balanced", "gated.onnx"), ("paper", "paper.onnx")].iter().find(|model| model.0 == case.name);
-        if let Some((_, name)) = model.filter(|_| golden::is_writing() && isa.name() == "portable") {
-            std::fs::copy(folder.join("out/model.onnx"), golden::folder().join(name)).expect("the model is copied");
-        }
-    });
+    golden::check("fit.json", env!("CARGO_BIN_EXE_sspc-train"), &cases);
 }
