@@ -326,5 +326,6 @@ fn two_hundred_frames_take_the_memory_of_a_few() {
         return;
     };
     println!("peak memory after 20 frames {} KiB, after {FRAMES} {} KiB", early >> 10, late >> 10);
-    assert!(late - early <= MOST_GROWTH_BYTES, "{early} bytes after 20 frames, {late} after {FRAMES}");
+    // The system counts in batches: the later reading may be the lower one.
+    assert!(late.saturating_sub(early) <= MOST_GROWTH_BYTES, "{early} bytes after 20 frames, {late} after {FRAMES}");
 }
