@@ -10,14 +10,14 @@
 //! and deserves more. The two errors cancel.
 
 use crate::box_mean::box_mean;
+use crate::held_out::blind;
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
-use crate::unseen::blind;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
-pub(crate) const JUDGE_RADIUS: usize = 15;
+pub(crate) const WEIGHT_RADIUS: usize = 15;
 
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
 #[derive(Clone)]
@@ -50,7 +50,7 @@ impl Evidence {
     }
 
     /// Only what the pixels that were trained on say.
-    pub fn without_unseen(mut self) -> Self {
+    pub fn without_held_out(mut self) -> Self {
         [&mut self.agreement, &mut self.size].into_iter().for_each(blind);
         self
     }
@@ -58,7 +58,7 @@ impl Evidence {
     /// min(1, Σ w r·d / Σ w d²), floored at 0.
     pub fn share(self) -> Image {
         // Each image goes when its mean is there.
-        let mean = |image: Image| box_mean(&image, JUDGE_RADIUS);
+        let mean = |image: Image| box_mean(&image, WEIGHT_RADIUS);
         let (agreement, size) = (mean(mean(self.agreement)), mean(mean(self.size)));
         let share = |y: usize, x: usize| {
             let d = size.at(0, y, x);
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn places_further_apart_than_two_box_means_judge_for_themselves() {
-        let reach = 2 * JUDGE_RADIUS;
+        let reach = 2 * WEIGHT_RADIUS;
         let (prepared, width) = (without_noise(1, 3 * reach), 3 * reach);
         // Too far on the left, just right on the right.
         let corrected = || Image::from_fn(3, 1, width, |_, _, x| if x < width / 2 { 2.0 * TRUTH - Z } else { TRUTH });

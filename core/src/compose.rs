@@ -4,7 +4,7 @@
 //! **Full buffer.** The correction that is applied is that of g_c with each half's parameters and y, but z and features
 //! of the full buffer: the picture starts from the better z.
 
-use crate::blend_weight::{Evidence, JUDGE_RADIUS};
+use crate::blend_weight::{Evidence, WEIGHT_RADIUS};
 use crate::composition::Composition;
 use crate::corrector::correct;
 use crate::estimate;
@@ -55,9 +55,9 @@ pub struct Composer<'a> {
     pub composition: Composition,
     /// Share of the weighed correction that is used, 0..1: an artist's choice. At 0 the picture is the denoiser's.
     pub strength: f32,
-    /// Whether the parameters are those of a training that left out what [`crate::unseen`] says, of a whole picture:
+    /// Whether the parameters are those of a training that left out what [`crate::held_out`] says, of a whole picture:
     /// those pixels judge it then.
-    pub judged_by_unseen: bool,
+    pub judged_by_held_out: bool,
 }
 
 impl Composer<'_> {
@@ -66,7 +66,7 @@ impl Composer<'_> {
     pub fn margin(&self) -> usize {
         match self.composition {
             Composition::MeanOfHalves => self.taps.radius(),
-            Composition::JudgedFullBuffer => self.taps.radius() + 2 * JUDGE_RADIUS,
+            Composition::JudgedFullBuffer => self.taps.radius() + 2 * WEIGHT_RADIUS,
         }
     }
 
@@ -89,9 +89,9 @@ impl Composer<'_> {
             Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
             Composition::JudgedFullBuffer => {
                 let evidence = Evidence::of(prepared, &halves);
-                if self.judged_by_unseen {
-                    let share = self.weaken(evidence.clone().without_unseen().share());
-                    sums.unseen_gain = Some(estimate::unseen_gain(prepared, &halves, &share));
+                if self.judged_by_held_out {
+                    let share = self.weaken(evidence.clone().without_held_out().share());
+                    sums.held_out_gain = Some(estimate::held_out_gain(prepared, &halves, &share));
                 }
                 evidence.share()
             }
@@ -211,7 +211,7 @@ fn weigh(prepared: &Prepared, halves: &[Image; 2], picture: Image, share: Image)
         loss_denoised: estimate::loss(prepared, &denoised, rows.clone()),
         loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
         loss_unjudged: estimate::loss(prepared, halves, rows.clone()),
-        unseen_gain: None,
+        held_out_gain: None,
         gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
         error_denoised: estimate::estimate(prepared, &denoised, &correction, rows.clone()),
         error_corrected: estimate::estimate(prepared, &blended, &correction, rows),

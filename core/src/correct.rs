@@ -44,8 +44,8 @@ pub struct CorrectionSettings {
     pub strength: f32,
     /// Rows of a band, or as many as fit the memory.
     pub rows: Option<usize>,
-    /// Whether training left out what [`crate::unseen`] says, so that it judges the picture; the frame comes whole then.
-    pub judged_by_unseen: bool,
+    /// Whether training left out what [`crate::held_out`] says, so that it judges the picture; the frame comes whole then.
+    pub judged_by_held_out: bool,
     /// Whether [`Corrected::maps`] are kept.
     pub keep_maps: bool,
 }
@@ -180,8 +180,8 @@ pub fn correct<B: BandSource, P: ParameterSource>(
     stop: &dyn Fn() -> bool,
 ) -> Result<Corrected, CorrectError<B::Error, P::Error>> {
     let taps = Taps::square(how.window_radius);
-    let CorrectionSettings { isa, form, composition, strength, judged_by_unseen, .. } = *how;
-    let composer = Composer { isa, form, taps: &taps, composition, strength, judged_by_unseen };
+    let CorrectionSettings { isa, form, composition, strength, judged_by_held_out, .. } = *how;
+    let composer = Composer { isa, form, taps: &taps, composition, strength, judged_by_held_out };
     let (height, width, exposure) = (frame.height(), frame.width(), frame.stats().exposure);
     let around = (composer.margin() + parameters.shape().radius()).next_multiple_of(BLOCK);
     let step = how.rows.unwrap_or_else(|| band_rows(width, around)).next_multiple_of(BLOCK);

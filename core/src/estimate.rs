@@ -9,7 +9,7 @@
 //! has 0.63 to 1.02 times that error: no unbiased estimate of its own is known, since it is made of all samples.
 //!
 //! The correction was trained on y^b, so its estimate is too small, by 6 % in the median;
-//! [`unseen_gain`] is free of that.
+//! [`held_out_gain`] is free of that.
 //!
 //! relL2 divides by the reference, r̄² + 0.01, and the frame has only a stand-in for it. That is what
 //! the estimates err by most: with the reference's denominator they are within a tenth of the truth, with the denoiser's picture
@@ -18,9 +18,9 @@
 //! finished picture is the best stand-in there is; how far the estimate moves from one to the other
 //! goes into the standard error.
 
+use crate::held_out::is_held_out;
 use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
-use crate::unseen::is_unseen;
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::{DENOISED, RADIANCE};
@@ -35,7 +35,7 @@ pub const BLOCK: usize = 16;
 pub struct Mean {
     /// The mean.
     pub value: f64,
-    /// None below two blocks of pixels, of which no scatter can be told.
+    /// None below two blocks of pixels: a variance needs two.
     pub standard_error: Option<f64>,
 }
 
@@ -150,8 +150,8 @@ pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<
 }
 
 /// As [`gain`], of the denoised halves over those corrected by `share` of the way to `corrected`, over the pixels of a
-/// whole picture that training left out ([`crate::unseen`]).
-pub fn unseen_gain(prepared: &Prepared, corrected: &[Image; 2], share: &Image) -> Blocks {
+/// whole picture that training left out ([`crate::held_out`]).
+pub fn held_out_gain(prepared: &Prepared, corrected: &[Image; 2], share: &Image) -> Blocks {
     let width = prepared.width();
     let of_half = |h: usize, i: usize| {
         let of_channel = |k: usize| {
@@ -163,12 +163,12 @@ pub fn unseen_gain(prepared: &Prepared, corrected: &[Image; 2], share: &Image) -
         };
         0.5 * weight(prepared, h, i) * (0..3).map(of_channel).sum::<f64>()
     };
-    let unseen = |i: usize| is_unseen(i / width, i % width);
+    let held_out = |i: usize| is_held_out(i / width, i % width);
     let [blocks] =
-        sum_blocks(prepared, 0..prepared.height(), |i| [if unseen(i) { of_half(0, i) + of_half(1, i) } else { 0.0 }]);
+        sum_blocks(prepared, 0..prepared.height(), |i| [if held_out(i) { of_half(0, i) + of_half(1, i) } else { 0.0 }]);
     let columns = width.div_ceil(BLOCK);
     let kept = blocks.0.into_iter().enumerate();
-    let kept = kept.filter(|(at, block)| is_unseen(at / columns * BLOCK, at % columns * BLOCK) && block.1 > 0.0);
+    let kept = kept.filter(|(at, block)| is_held_out(at / columns * BLOCK, at % columns * BLOCK) && block.1 > 0.0);
     Blocks(kept.map(|(_, block)| block).collect())
 }
 

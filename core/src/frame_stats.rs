@@ -73,15 +73,15 @@ pub struct FrameStats {
 }
 
 impl FrameStats {
-    /// Looks a frame over.
+    /// Statistics of a whole frame.
     pub fn of(frame: &Frame, exposure: Exposure) -> Self {
-        let mut surveyor = Collector::new(frame.height() * frame.width(), exposure, unusable_features(frame));
-        surveyor.look(frame);
-        surveyor.finish()
+        let mut collector = Collector::new(frame.height() * frame.width(), exposure, unusable_features(frame));
+        collector.look(frame);
+        collector.finish()
     }
 
-    /// Looks a frame of so many pixels over that comes in bands: `bands` hands each row once to its argument. It is
-    /// called a second time for frames with features that are nowhere finite.
+    /// Statistics of a frame delivered in bands: `bands` hands each row once to its argument. It is called a second time
+    /// for frames with features that are nowhere finite.
     ///
     /// # Errors
     /// What `bands` fails with.
@@ -90,19 +90,19 @@ impl FrameStats {
         exposure: Exposure,
         mut bands: impl FnMut(&mut dyn FnMut(&Frame)) -> Result<(), E>,
     ) -> Result<Self, E> {
-        let mut surveyor = Collector::new(pixels, exposure, FeatureSet::NONE);
+        let mut collector = Collector::new(pixels, exposure, FeatureSet::NONE);
         let (mut there, mut usable) = (FeatureSet::NONE, FeatureSet::NONE);
         bands(&mut |band| {
             there = there.union(present_features(band));
             usable = usable.union(usable_features(band));
-            surveyor.look(band);
+            collector.look(band);
         })?;
         let unusable = there.without(usable);
         if unusable != FeatureSet::NONE {
-            surveyor = Collector::new(pixels, exposure, unusable);
-            bands(&mut |band| surveyor.look(band))?;
+            collector = Collector::new(pixels, exposure, unusable);
+            bands(&mut |band| collector.look(band))?;
         }
-        Ok(surveyor.finish())
+        Ok(collector.finish())
     }
 
     /// The same with only those features that a model was `fitted` with: weights of others were
@@ -155,7 +155,7 @@ fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
     [&frame.a, &frame.b].into_iter().flat_map(|h| [&h.radiance, &h.denoised]).chain(&frame.denoised)
 }
 
-/// A survey under way.
+/// Statistics of a frame in the making.
 struct Collector {
     exposure: Exposure,
     /// Positive z̄ of valid pixels, both halves' mean, row after row, for the rule that needs no more.

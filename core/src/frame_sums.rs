@@ -2,8 +2,8 @@
 
 use crate::composition::Composition;
 use crate::estimate::{Blocks, Errors, Estimate, Losses, Mean};
+use crate::held_out;
 use crate::trust::Trust;
-use crate::unseen;
 
 /// Sums over the blocks of a picture, or of its first bands from top to bottom.
 #[derive(Clone, Debug, Default)]
@@ -13,7 +13,7 @@ pub struct FrameSums {
     pub(crate) loss_unjudged: Blocks,
     pub(crate) gain: Blocks,
     /// Gain over the pixels that training left out, where it did.
-    pub(crate) unseen_gain: Option<Blocks>,
+    pub(crate) held_out_gain: Option<Blocks>,
     pub(crate) error_denoised: Errors,
     pub(crate) error_corrected: Errors,
 }
@@ -28,7 +28,7 @@ pub struct Verdict {
     /// Estimated relL2 of the mean of both halves, variance term included.
     pub estimate: Estimate,
     /// Fall of the loss by the pixels that training left out: an unbiased figure, where there are enough of them.
-    pub unseen_gain: Option<Mean>,
+    pub held_out_gain: Option<Mean>,
     /// Why the output is the denoiser's everywhere, if it is.
     pub fallback: Option<String>,
 }
@@ -40,8 +40,8 @@ impl FrameSums {
         self.loss_corrected.append(next.loss_corrected);
         self.loss_unjudged.append(next.loss_unjudged);
         self.gain.append(next.gain);
-        if let Some(gain) = next.unseen_gain {
-            self.unseen_gain.get_or_insert_default().append(gain);
+        if let Some(gain) = next.held_out_gain {
+            self.held_out_gain.get_or_insert_default().append(gain);
         }
         self.error_denoised.append(next.error_denoised);
         self.error_corrected.append(next.error_corrected);
@@ -65,13 +65,13 @@ impl FrameSums {
                 corrected: error.mean(),
                 gain: self.error_denoised.less(error).mean(),
             },
-            unseen_gain: self.unseen_gain(),
+            held_out_gain: self.held_out_gain(),
             fallback,
         }
     }
 
-    fn unseen_gain(&self) -> Option<Mean> {
-        self.unseen_gain.as_ref().filter(|blocks| blocks.len() >= unseen::FEWEST).map(Blocks::mean)
+    fn held_out_gain(&self) -> Option<Mean> {
+        self.held_out_gain.as_ref().filter(|blocks| blocks.len() >= held_out::FEWEST).map(Blocks::mean)
     }
 
     /// Why the denoiser's picture is the better answer, if it is.
@@ -87,7 +87,7 @@ impl FrameSums {
                 ));
             }
         }
-        if let Some(gain) = self.unseen_gain()
+        if let Some(gain) = self.held_out_gain()
             && gain.value + gain.standard_error.unwrap_or(f64::INFINITY) < 0.0
         {
             return Some(format!("pixels that were not trained on say that it is no better: gain {}", shown(gain)));

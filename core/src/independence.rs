@@ -313,7 +313,7 @@ mod tests {
             visibility: None,
         };
         let [a, b] = y.map(half);
-        Frame { a, b, denoised: None, sources: Vec::new(), warnings: Vec::new() }
+        Frame { a, b, denoised: None }
     }
 
     fn measured(frame: &Frame) -> Independence {

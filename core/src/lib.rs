@@ -16,7 +16,7 @@
 //! | `blend_weight` | how much of a correction is kept, pixel by pixel |
 //! | [`composition`] | what a picture is made of |
 //! | [`compose`] | corrected halves to the finished rows |
-//! | [`unseen`] | pixels that training leaves out, to judge it by |
+//! | [`held_out`] | pixels that training leaves out, to judge it by |
 //! | [`frame_sums`] | what the whole picture is judged by |
 //! | [`estimate`] | the error, told without a reference |
 //! | [`fill`] | values of missing pixels |
@@ -35,6 +35,7 @@ mod exposure;
 pub mod fill;
 pub mod frame_stats;
 pub mod frame_sums;
+pub mod held_out;
 pub mod independence;
 pub mod objective;
 pub mod plan;
@@ -44,4 +45,3 @@ pub mod same_scene;
 pub mod start;
 pub mod tiles;
 pub mod trust;
-pub mod unseen;

@@ -42,11 +42,6 @@ pub enum Guides {
 }
 
 impl Prepared {
-    /// Brings a frame into the method's units.
-    pub fn new(frame: &Frame, exposure: Exposure) -> Self {
-        Self::by_stats(frame, &FrameStats::of(frame, exposure))
-    }
-
     /// Brings a frame, or a band of it, into the units that were decided for the whole frame.
     pub fn by_stats(frame: &Frame, stats: &FrameStats) -> Self {
         let valid = validity(frame);

@@ -44,8 +44,7 @@ impl Rng {
         ((u128::from(self.next_u64()) * n as u128) >> 64) as usize
     }
 
-    /// An index as likely as its share of the last of these sums, each of which adds the index's own
-    /// positive weight to the sum before.
+    /// Samples an index by weight, given inclusive prefix sums of positive weights.
     ///
     /// # Panics
     /// When there are none.

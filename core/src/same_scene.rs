@@ -257,7 +257,7 @@ mod tests {
             HalfBuffer { denoised: radiance.clone(), radiance, albedo: None, normal: None, visibility: None }
         };
         let (a, b) = (half(0, &mut rng), half(1, &mut rng));
-        Frame { a, b, denoised: None, sources: Vec::new(), warnings: Vec::new() }
+        Frame { a, b, denoised: None }
     }
 
     fn places(frame: &Frame) -> Option<DifferentPlaces> {

@@ -11,12 +11,11 @@
 //! | [`resolve`] | roles to channels of files |
 //! | [`align`], [`window`] | pictures of one frame over each other |
 //! | [`open`] | a frame whose rows are read as they are needed |
-//! | [`read`] | whole frames, references and pictures |
+//! | [`read`] | references and pictures |
 //! | [`checks`] | identical halves, correlated neighbours, lossy input, absent features |
 //! | [`atomic`] | outputs that appear whole or not at all |
 //! | [`temporary`] | the files they are until then, and what killed processes left of them |
 //! | [`output`], `place` | the corrected picture inside a copy of half a |
-//! | [`write`](mod@write) | files of one picture |
 //! | [`preview`] | tone curve, error colours, PNG |
 //! | [`sequence`] | frame numbers in file names |
 
@@ -43,12 +42,11 @@ mod search;
 pub mod sequence;
 pub mod temporary;
 pub mod window;
-pub mod write;
 
 pub use atomic::atomic_write;
 pub use files::FrameFiles;
 pub use open::OpenFrame;
-pub use output::{OutputPlan, write_corrected};
+pub use output::OutputPlan;
 pub use overrides::RoleOverrides;
-pub use read::{read_frame, read_picture, read_reference};
+pub use read::{read_picture, read_reference};
 pub use window::Window;

@@ -5,7 +5,7 @@ use std::fmt;
 
 /// How a layer's last segment is recognised. Names are lower-case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pattern {
+pub enum NamePattern {
     /// It is this.
     Whole(&'static str),
     /// It starts with this.
@@ -14,18 +14,18 @@ pub enum Pattern {
     Suffix(&'static str),
 }
 
-use Pattern::{Starts, Suffix, Whole};
+use NamePattern::{Starts, Suffix, Whole};
 
 /// A name and who says so.
 #[derive(Clone, Copy, Debug)]
 pub struct Known {
     /// The name.
-    pub pattern: Pattern,
+    pub pattern: NamePattern,
     /// Renderers that write it, and the document that tells.
     pub source: &'static str,
 }
 
-const fn known(pattern: Pattern, source: &'static str) -> Known {
+const fn known(pattern: NamePattern, source: &'static str) -> Known {
     Known { pattern, source }
 }
 
@@ -177,7 +177,7 @@ pub fn component_count(role: Role) -> usize {
     if role == Role::Visibility { 1 } else { 3 }
 }
 
-impl Pattern {
+impl NamePattern {
     /// What of a lower-case name is left of this: nothing of a whole name, the name before a suffix. `None` for names that
     /// it does not match.
     pub fn stem(self, name: &str) -> Option<&str> {
@@ -189,7 +189,7 @@ impl Pattern {
     }
 }
 
-impl fmt::Display for Pattern {
+impl fmt::Display for NamePattern {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Whole("") => out.write_str("R,G,B"),

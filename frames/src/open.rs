@@ -59,20 +59,6 @@ impl OpenFrame {
         OutputPlan::of_frame(&self.resolution)
     }
 
-    /// All rows, looked over: values as in the files, NaN and Inf included.
-    ///
-    /// # Errors
-    /// As [`Self::rows`] and [`Self::warnings`].
-    pub fn read(&self) -> Result<Frame, Error> {
-        let rows = 0..self.height();
-        let mut frame = self.rows(rows.clone())?;
-        let mut inspection = self.inspection();
-        inspection.look(&frame, 0, rows);
-        frame.sources = self.sources();
-        frame.warnings = self.warnings(&inspection)?;
-        Ok(frame)
-    }
-
     /// Planes of all roles together.
     pub fn planes(&self) -> usize {
         self.resolution.filled.iter().map(|filled| filled.channels.len()).sum()
@@ -83,7 +69,7 @@ impl OpenFrame {
         self.resolution.filled.iter().map(|filled| self.resolution.source(filled)).collect()
     }
 
-    /// Decodes some rows of every role, values as in the files; sources and warnings stay with the whole frame.
+    /// Decodes some rows of every role, values as in the files.
     ///
     /// # Errors
     /// [`Error::Damaged`] and what else reading a file can raise.
@@ -108,7 +94,7 @@ impl OpenFrame {
             // resolve() has refused frames without colour or denoised colour.
             unreachable!("a resolved frame has both halves");
         };
-        Ok(Frame { a, b, denoised, sources: Vec::new(), warnings: Vec::new() })
+        Ok(Frame { a, b, denoised })
     }
 
     /// An inspection that has looked at nothing yet.

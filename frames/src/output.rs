@@ -21,7 +21,7 @@ use crate::container::fault::Fault;
 use crate::container::pixels::{Wanted, read_planes};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
-use crate::place::{Place, place_of, place_of_shown};
+use crate::place::{Place, place_of};
 use crate::resolve::Resolution;
 use exr::meta::attribute::SampleType;
 use exr::prelude::f16;
@@ -57,18 +57,6 @@ impl OutputPlan {
         let file = &resolution.files[radiance.file];
         let display = Placing::of(file, radiance.channels[0]).display;
         Self::new(file, vec![(place_of(resolution)?, Placing { window: radiance.window, display })])
-    }
-
-    /// A picture in the place of what a viewer shows of the template.
-    ///
-    /// # Errors
-    /// What opening the template can raise, and [`Error::Unsupported`].
-    pub fn over(template: &Path) -> Result<Self, Error> {
-        let file = ExrFile::open(template, Purpose::Picture)?;
-        let place = place_of_shown(&file)?;
-        let part = &file.container.parts[place.targets[0].part];
-        let placing = Placing { window: part.window, display: part.display };
-        Self::new(&file, vec![(place, placing)])
     }
 
     fn new(file: &ExrFile, places: Vec<(Place, Placing)>) -> Result<Self, Error> {
@@ -189,31 +177,6 @@ impl OutputPlan {
     }
 }
 
-/// Writes `corrected` (`[3, H, W]`, scene-referred) to `path` in the place of what a viewer shows of `template`.
-///
-/// # Errors
-/// As [`OutputPlan::over`] and [`OutputPlan::write`], and [`Error::SizeMismatch`].
-pub fn write_corrected(
-    path: &Path,
-    template: &Path,
-    inputs: &[PathBuf],
-    corrected: &Image,
-    provenance: &[(String, String)],
-) -> Result<(), Error> {
-    let plan = OutputPlan::over(template)?;
-    let window = plan.places[0].1.window;
-    if window.size() != (corrected.width(), corrected.height()) {
-        return Err(Error::SizeMismatch {
-            path: template.into(),
-            purpose: Purpose::Picture,
-            expected: format!("{}x{}", corrected.width(), corrected.height()),
-            found: window.to_string(),
-            like: PathBuf::from("the corrected picture"),
-        });
-    }
-    plan.write(path, inputs, &[corrected], provenance)
-}
-
 /// Reads back what was written: headers, every chunk's place, and the pictures' channels.
 fn check_written(path: &Path, copy: &Copy, pictures: &[Placed]) -> Result<(), String> {
     let fault = |fault: Fault| format!("{fault:?}");
@@ -271,7 +234,7 @@ fn half_can_hold(picture: &Image) -> bool {
 }
 
 /// Name and value of a text attribute: a name that the format allows, and a value that is not empty.
-pub(crate) fn attribute_text((name, value): &(String, String)) -> (String, String) {
+fn attribute_text((name, value): &(String, String)) -> (String, String) {
     let mut end = name.len().min(LONGEST_NAME);
     while !name.is_char_boundary(end) {
         end -= 1;

@@ -65,15 +65,6 @@ impl Place {
     }
 }
 
-/// The place of a picture in a file that it is said to belong to: the colour that a viewer shows.
-pub fn place_of_shown(file: &ExrFile) -> Result<Place, Error> {
-    let layers = Layers::of(file);
-    match layers.shown_colour() {
-        Some(hit) => Ok(place(file, &hit.channels)),
-        None => new_channels(file, 0),
-    }
-}
-
 fn place_of_both(file: &ExrFile, layers: &Layers, channels: &[usize]) -> Result<Place, Error> {
     let marked = layers.layer_of(channels[0]);
     let same = |name: &crate::layers::Name| marked.is_some_and(|layer| layer.unmarked() == name);

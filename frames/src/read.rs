@@ -1,23 +1,11 @@
-//! The frame, the reference and single pictures, read and checked.
+//! References and single pictures.
 
 use crate::align::{Placing, window_like};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
-use crate::files::FrameFiles;
 use crate::layers::{Layers, Reading};
-use crate::open::OpenFrame;
-use crate::overrides::RoleOverrides;
-use sspc_image::{Buffer, Frame, Image, Reference};
+use sspc_image::{Buffer, Image, Reference};
 use std::path::Path;
-
-/// Reads a frame: finds its roles, decodes only their channels, and checks that the halves can be what they
-/// claim to be. Values are as in the files, NaN and Inf included.
-///
-/// # Errors
-/// Every variant of [`Error`] of kind input, and [`Error::Override`] never (overrides are parsed before).
-pub fn read_frame(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Frame, Error> {
-    OpenFrame::open(files, overrides)?.read()
-}
 
 /// A picture that another one must cover.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 //! beside it: in its own view, of its own view layer, named after it.
 
 use crate::layers::{Layer, Layers, Name, Reading};
-use crate::names::{self, Pattern, is_colour, noisy_stem};
+use crate::names::{self, NamePattern, is_colour, noisy_stem};
 use sspc_image::{Role, shown};
 
 /// The channels found for a role, in component order.
@@ -160,7 +160,7 @@ impl Layers {
         let rank = known.iter().position(|known| known.pattern.stem(&name.last).is_some())?;
         let stem = known[rank].pattern.stem(&name.last)?;
         let at = 1 + rank;
-        if role != Role::Denoised || matches!(known[rank].pattern, Pattern::Starts(_)) {
+        if role != Role::Denoised || matches!(known[rank].pattern, NamePattern::Starts(_)) {
             return Some((at, distance(name, anchor)));
         }
         let own = stem == anchor.name.last || of_noisy == Some(stem);
@@ -181,7 +181,7 @@ impl Layers {
         let is_stem = |layer: &Layer| layer.name(reading).is_some_and(|n| n.last == stem && n.group == name.group);
         // `RGBA_key` is the light group key of RGBA.
         let of_light = names::candidates(Role::Radiance).iter().any(|known| match known.pattern {
-            Pattern::Whole(colour) if !colour.is_empty() => {
+            NamePattern::Whole(colour) if !colour.is_empty() => {
                 stem.strip_prefix(colour).is_some_and(|rest| rest.starts_with(['_', '-', ' ']))
             }
             _ => false,
@@ -237,13 +237,13 @@ impl Layers {
         &self,
         reading: Reading,
         view: usize,
-        pattern: Pattern,
+        pattern: NamePattern,
         channels: impl Fn(&Layer) -> Option<Vec<usize>>,
     ) -> Option<Hit> {
         let matches = |layer: &&Layer| {
             let stem = layer.name(reading).filter(|_| layer.view == view).and_then(|name| match pattern {
                 // The root layer has no group either.
-                Pattern::Whole("") => Some("").filter(|_| name.last.is_empty()),
+                NamePattern::Whole("") => Some("").filter(|_| name.last.is_empty()),
                 pattern => pattern.stem(&name.last),
             });
             stem.is_some_and(|stem| stem.is_empty() || is_colour(stem))

@@ -62,14 +62,6 @@ impl Pattern {
         let width = self.digits;
         self.folder.join(format!("{}{frame:0width$}{}", self.before, self.after))
     }
-
-    /// The frame number of a file of this pattern; `None` for other files. The inverse of [`Pattern::path`].
-    pub fn frame_of(&self, path: &Path) -> Option<i32> {
-        let rest = if self.folder.as_os_str().is_empty() { path } else { path.strip_prefix(&self.folder).ok()? };
-        let number = rest.to_str()?.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
-        let frame = frame_number(number)?;
-        (self.path(frame) == path).then_some(frame)
-    }
 }
 
 impl FromStr for Pattern {

@@ -16,11 +16,6 @@ pub struct Window {
 }
 
 impl Window {
-    /// A window at the origin.
-    pub fn of_size(width: usize, height: usize) -> Self {
-        Self { left: 0, top: 0, width, height }
-    }
-
     /// Width and height.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)

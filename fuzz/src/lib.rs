@@ -2,7 +2,7 @@
 //!
 //! Two drivers call these functions: libFuzzer (`fuzz_targets`, nightly, as long as one likes) and the ordinary
 //! test `tests/tests/fuzz` (stable, seconds, fixed seed), which includes this file. So nothing here may need
-//! more than sspc-core and sspc-onnx. A function returns whether the bytes were accepted; it panics where a
+//! more than sspc-frames, sspc-image, sspc-onnx and exr. A function returns whether the bytes were accepted; it panics where a
 //! promise is broken.
 
 pub mod exr;

@@ -49,10 +49,6 @@ pub struct Frame {
     pub b: HalfBuffer,
     /// The denoiser's output on the full buffer; without it, the mean of both denoised halves is the baseline.
     pub denoised: Option<Image>,
-    /// Which channel filled which role, in the order read.
-    pub sources: Vec<RoleSource>,
-    /// One line each: lossy input, absent feature and its consequence, ...
-    pub warnings: Vec<String>,
 }
 
 impl HalfBuffer {
@@ -92,14 +88,12 @@ impl Frame {
         !images.is_empty() && (0..images[0].pixels()).any(finite)
     }
 
-    /// The rows `top..top + height` of every image; sources and warnings stay with the whole frame.
+    /// The rows `top..top + height` of every image.
     pub fn rows(&self, top: usize, height: usize) -> Frame {
         Frame {
             a: self.a.rows(top, height),
             b: self.b.rows(top, height),
             denoised: self.denoised.as_ref().map(|z| z.crop(top, 0, height, z.width())),
-            sources: Vec::new(),
-            warnings: Vec::new(),
         }
     }
 
@@ -113,13 +107,7 @@ impl Frame {
             normal: None,
             visibility: None,
         };
-        Frame {
-            a: half(&self.a),
-            b: half(&self.b),
-            denoised: self.denoised.as_ref().map(cut),
-            sources: Vec::new(),
-            warnings: Vec::new(),
-        }
+        Frame { a: half(&self.a), b: half(&self.b), denoised: self.denoised.as_ref().map(cut) }
     }
 
     /// Height in pixels.

@@ -12,7 +12,7 @@ use sspc_core::objective::RELATIVE_FLOOR;
 use sspc_core::plan::{BLOCK_COLUMNS, BLOCK_ROWS};
 use sspc_core::prepare::{FrameStats, Prepared};
 use sspc_core::tiles::parameters;
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
+use sspc_frames::{FrameFiles, RoleOverrides};
 use sspc_image::Image;
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, NORMAL, RADIANCE, VISIBILITY};
 use sspc_kernels::gc::WEIGHT_FLOOR;
@@ -20,6 +20,7 @@ use sspc_kernels::network::WindowNetwork;
 use sspc_kernels::parameters::{BANDWIDTHS, CENTRE, Form, GATE, SLOPES};
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
+use sspc_testkit::frames::read_frame;
 use std::path::PathBuf;
 
 /// Quantiles over the pixels.

@@ -7,13 +7,14 @@ use sspc_core::correct::{BYTES_PER_PIXEL, CorrectionSettings, correct};
 use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_core::start;
-use sspc_frames::write::write_picture;
-use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_frame};
+use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides};
 use sspc_image::{Buffer, Image, Role};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model};
+use sspc_testkit::exr_parts::write_picture;
+use sspc_testkit::frames::read_frame;
 use sspc_testkit::method::{self, settings};
 use sspc_testkit::peak::{PeakAlloc, peak_of};
 use std::path::Path;
@@ -40,7 +41,7 @@ fn frame(folder: &Path, height: usize) -> FrameFiles {
             0.2 + 0.3 * ((x / 9 + y / 7 + c) % 2) as f32 + level * rng.uniform()
         });
         let path = folder.join(format!("{name}-{height}.exr"));
-        write_picture(&path, &[], &picture, &[]).expect("written");
+        write_picture(&path, &picture);
         path
     };
     let halves = FrameFiles::halves(write("a".into(), 1.0), write("b".into(), 1.0));

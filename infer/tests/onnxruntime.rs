@@ -7,13 +7,14 @@ use sspc_core::correct::CorrectionSettings;
 use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
+use sspc_frames::{FrameFiles, RoleOverrides};
 use sspc_image::{Frame, Image};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, Model, write_image, write_network};
 use sspc_testkit::closeness::assert_images_close;
+use sspc_testkit::frames::read_frame;
 use sspc_testkit::frames::{frame_of, sample_folder};
 use sspc_testkit::method::{correct, parameters, settings};
 use sspc_testkit::models::{features, model};
@@ -82,7 +83,7 @@ fn onnxruntime_gives_what_our_engine_gives() {
 
         let engine = Engine::new(model, Kernels::Fused(Isa::best()), 16);
         let frame = frame_of(&halves);
-        let prepared = Prepared::new(&frame, Exposure::AsIs);
+        let prepared = Prepared::by_stats(&frame, &FrameStats::of(&frame, Exposure::AsIs));
         assert_eq!(prepared.halves[0].data(), halves[0].data(), "{height}x{width}: features as given");
         for (h, half) in halves.iter().enumerate() {
             let theirs = read_image(at("parameters.f32"), form.parameters(), height, width, h);

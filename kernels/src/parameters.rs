@@ -71,11 +71,6 @@ impl Form {
     pub fn parameter_names(self) -> &'static [&'static str] {
         &NAMES[..self.parameters()]
     }
-
-    /// The form that has `parameters` per pixel.
-    pub fn from_parameters(parameters: usize) -> Option<Form> {
-        [Form::Paper, Form::Gated].into_iter().find(|form| form.parameters() == parameters)
-    }
 }
 
 /// Activates planar outputs `[form.parameters(), pixels]` in place.

@@ -5,6 +5,9 @@ use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, 
 use exr::meta::attribute::{LineOrder, Text};
 use exr::meta::header::LayerAttributes;
 use exr::prelude::{WritableImage, f16};
+use sspc_frames::error::Error;
+use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides};
+use sspc_image::Image as Picture;
 use std::path::{Path, PathBuf};
 
 pub const W: usize = 7;
@@ -100,4 +103,34 @@ pub const HALF: &[&str] = &[
 /// Two complete halves in `folder`.
 pub fn write_halves(folder: &Path) -> (PathBuf, PathBuf) {
     (write_file(&folder.join("a.exr"), 1, HALF), write_file(&folder.join("b.exr"), 2, HALF))
+}
+
+/// Writes a picture `[3, H, W]` by itself, as f32 R,G,B with ZIP, top row first.
+///
+/// # Panics
+/// When the folder cannot be written to.
+pub fn write_picture(path: &Path, picture: &Picture) {
+    let channels = ["R", "G", "B"].iter().enumerate();
+    let list = channels.map(|(c, name)| AnyChannel::new(*name, FlatSamples::F32(picture.plane(c).to_vec())));
+    let line_order = LineOrder::Increasing;
+    let encoding = Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order };
+    let size = (picture.width(), picture.height());
+    let layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(list.collect()));
+    Image::from_layer(layer).write().to_file(path).expect("test file");
+}
+
+/// Writes a picture in the place of the noisy colour of `template`, as the programs do of half a.
+///
+/// # Errors
+/// What the programs refuse.
+pub fn write_over(
+    path: &Path,
+    template: &Path,
+    picture: &Picture,
+    provenance: &[(String, String)],
+) -> Result<(), Error> {
+    let pair = FrameFiles::halves(template, template).with_denoised(Some(template.into()), Some(template.into()), None);
+    let open = OpenFrame::open(&pair, &RoleOverrides::none())
+        .or_else(|_| OpenFrame::open(&FrameFiles::both_in_one(template), &RoleOverrides::none()))?;
+    open.output()?.write(path, &[], &[picture], provenance)
 }

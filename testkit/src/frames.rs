@@ -3,9 +3,11 @@
 use sspc_core::plan::Plan;
 use sspc_core::prepare::{Findings, Prepared};
 use sspc_core::rng::Rng;
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_reference};
-use sspc_image::{Frame, HalfBuffer, Image, Reference};
+use sspc_frames::error::Error;
+use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_reference};
+use sspc_image::{Frame, HalfBuffer, Image, Reference, RoleSource};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
+use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -19,6 +21,35 @@ pub fn data(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/data").join(name)
 }
 
+/// A frame that was read, and what the reader said.
+#[derive(Debug)]
+pub struct ReadFrame {
+    pub frame: Frame,
+    pub sources: Vec<RoleSource>,
+    pub warnings: Vec<String>,
+}
+
+impl Deref for ReadFrame {
+    type Target = Frame;
+
+    fn deref(&self) -> &Frame {
+        &self.frame
+    }
+}
+
+/// Reads all rows of a frame and looks them over, as the programs do.
+///
+/// # Errors
+/// What the programs refuse.
+pub fn read_frame(files: &FrameFiles, overrides: &RoleOverrides) -> Result<ReadFrame, Error> {
+    let open = OpenFrame::open(files, overrides)?;
+    let frame = open.rows(0..open.height())?;
+    let mut inspection = open.inspection();
+    inspection.look(&frame, 0, 0..open.height());
+    let warnings = open.warnings(&inspection)?;
+    Ok(ReadFrame { frame, sources: open.sources(), warnings })
+}
+
 /// The sample frame, 256 x 192, with every role but the full buffer's z.
 ///
 /// # Panics
@@ -26,7 +57,7 @@ pub fn data(name: &str) -> PathBuf {
 pub fn sample() -> Frame {
     let folder = sample_folder();
     let files = FrameFiles::halves(folder.join("a.exr"), folder.join("b.exr"));
-    read_frame(&files, &RoleOverrides::none()).expect("the sample frame")
+    read_frame(&files, &RoleOverrides::none()).expect("the sample frame").frame
 }
 
 /// The sample frame with every role.
@@ -37,7 +68,7 @@ pub fn whole_sample() -> Frame {
     let folder = sample_folder();
     let files = FrameFiles::halves(folder.join("a.exr"), folder.join("b.exr"));
     let files = files.with_denoised(None, None, Some(folder.join("denoised.exr")));
-    read_frame(&files, &RoleOverrides::none()).expect("the sample frame")
+    read_frame(&files, &RoleOverrides::none()).expect("the sample frame").frame
 }
 
 /// The sample frame's reference.
@@ -90,7 +121,7 @@ pub fn frame_of(halves: &[Image; 2]) -> Frame {
         visibility: Some(planes(features, VISIBILITY, 1)),
     };
     let [a, b] = halves.each_ref().map(half);
-    Frame { a, b, denoised: None, sources: Vec::new(), warnings: Vec::new() }
+    Frame { a, b, denoised: None }
 }
 
 /// Planes `first..first + count`.

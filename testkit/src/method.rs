@@ -49,7 +49,7 @@ pub fn settings(contract: &Contract) -> CorrectionSettings {
         composition: contract.composition,
         strength: 1.0,
         rows: None,
-        judged_by_unseen: false,
+        judged_by_held_out: false,
         keep_maps: true,
     }
 }

@@ -1,7 +1,7 @@
 //! Small made-up frames as files.
 
+use crate::exr_parts::write_picture;
 use sspc_core::rng::Rng;
-use sspc_frames::write::write_picture;
 use sspc_image::Image;
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ impl SmallFrame {
                 (1.0 + blur * wave + noise * rng.normal()).max(0.0)
             });
             let path = folder.join(name);
-            write_picture(&path, &[], &picture, &[]).expect("the folder can be written to");
+            write_picture(&path, &picture);
             path
         };
         SmallFrame {
@@ -48,7 +48,7 @@ impl SmallFrame {
                 0.3 + 0.3 * ((x / 9 + y / 7 + c) % 2) as f32 + 0.1 * rng.uniform()
             });
             let path = folder.join(role).with_extension("exr");
-            write_picture(&path, &[], &picture, &[]).expect("the folder can be written to");
+            write_picture(&path, &picture);
             path
         };
         let roles = ["albedo-a", "albedo-b", "normal-a", "normal-b", "visibility-a", "visibility-b"];

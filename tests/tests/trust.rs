@@ -8,23 +8,15 @@ use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_core::trust::{Distrust, Trust};
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame};
 use sspc_image::{Frame, Image};
 use sspc_kernels::gc::PAPER_RADIUS;
 use sspc_kernels::network::{Shape, WindowNetwork};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
-use sspc_testkit::frames::data;
+use sspc_testkit::frames::whole_sample;
 
 /// Texture, the denoiser's traces of noise and 192 blocks move a measured correlation by so much.
 const NEAR: f64 = 0.1;
-
-fn sample() -> Frame {
-    let root = data("sample");
-    let files = FrameFiles::halves(root.join("a.exr"), root.join("b.exr"));
-    let files = files.with_denoised(None, None, Some(root.join("denoised.exr")));
-    read_frame(&files, &RoleOverrides::none()).expect("sample")
-}
 
 /// p + k (q - p).
 fn mixed(p: &Image, q: &Image, k: f32) -> Image {
@@ -38,7 +30,7 @@ fn mixed(p: &Image, q: &Image, k: f32) -> Image {
 /// The sample with halves whose noise has this correlation, and whose mean is as it was. A linear denoiser mixes its
 /// pictures as the radiance is mixed.
 fn correlated(rho: f32) -> Frame {
-    let mut frame = sample();
+    let mut frame = whole_sample();
     // Of (1 - k) a + k b and k a + (1 - k) b: rho = 2 k (1 - k) / ((1 - k)² + k²), for k below 0 too.
     let k = 0.5 * (1.0 - (1.0 - 2.0 * rho / (1.0 + rho)).sqrt());
     let (a, b) = (frame.a.clone(), frame.b.clone());
@@ -59,7 +51,7 @@ fn corrected(frame: &Frame) -> Corrected {
         composition: Composition::JudgedFullBuffer,
         strength: 1.0,
         rows: None,
-        judged_by_unseen: false,
+        judged_by_held_out: false,
         keep_maps: false,
     };
     let mut bands = FrameBands::new(frame, FrameStats::of(frame, Exposure::Normalised), true);
@@ -81,7 +73,7 @@ fn assert_is_the_denoisers(frame: &Frame) {
 
 #[test]
 fn sound_halves_are_trusted_and_corrected() {
-    let frame = sample();
+    let frame = whole_sample();
     assert_eq!(trust(&frame), Trust::Independent, "{:?}", FrameStats::of(&frame, Exposure::Normalised).independence);
     let Corrected { verdict, mean_share, .. } = corrected(&frame);
     assert!(verdict.fallback.is_none() && mean_share > 0.0, "{:?}", verdict.fallback);
@@ -105,16 +97,16 @@ fn halves_of_different_pictures_are_not_mixed() {
         image.data_mut().iter_mut().for_each(|v| *v *= by);
         image
     };
-    let mut brighter = sample();
+    let mut brighter = whole_sample();
     brighter.b.radiance = scaled(&brighter.b.radiance, 1.5);
     brighter.b.denoised = scaled(&brighter.b.denoised, 1.5);
     assert!(matches!(trust(&brighter), Trust::None(Distrust::Brightness(_, r)) if (r - 1.0 / 1.5).abs() < 0.02));
 
-    let mut denoised = sample();
+    let mut denoised = whole_sample();
     denoised.b.radiance = mixed(&denoised.b.radiance, &denoised.b.denoised, 0.9);
     assert!(matches!(trust(&denoised), Trust::None(Distrust::Noise(r)) if r > 12.0), "{:?}", trust(&denoised));
 
-    let mut moved = sample();
+    let mut moved = whole_sample();
     let (height, width) = (moved.height(), moved.width());
     let shifted = |image: &Image| Image::from_fn(3, height, width, |c, y, x| image.at(c, y, (x + 3) % width));
     moved.b.albedo = moved.b.albedo.as_ref().map(shifted);

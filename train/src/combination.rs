@@ -40,8 +40,8 @@ impl Combination {
         others.fill(0.0);
     }
 
-    /// Network outputs that the function holds: nothing flows back through them.
-    pub fn held(self) -> Range<usize> {
+    /// Network outputs that stay as they are: nothing flows back through them.
+    pub fn frozen_outputs(self) -> Range<usize> {
         match self {
             Combination::PostCorrection => 0..0,
             Combination::DeepCombiner => SLOPES..SLOPES + SLOPE_COUNT,

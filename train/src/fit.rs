@@ -104,7 +104,7 @@ pub fn objective(prepared: &Prepared, settings: &Settings) -> Objective {
         Denominator::OtherHalf => paper,
         Denominator::OwnHalf => paper.with_own_weight(prepared),
     };
-    if settings.leaves_pixels_out(prepared.height(), prepared.width()) { weighed.without_unseen() } else { weighed }
+    if settings.leaves_pixels_out(prepared.height(), prepared.width()) { weighed.without_held_out() } else { weighed }
 }
 
 /// `factor` · √mean((y^a - y^b)² / 4), the paper's learning rate from the frame's noise, at most 0.1.
@@ -174,8 +174,8 @@ pub fn fit(
         let frame = taught[step % taught.len()];
         let tiles = schedules[frame].next_batch();
         let done = (step as f64 / steps as f64).max(limits.elapsed_share(start)).min(1.0);
-        let (influence, held) = (settings.influence.at(done), settings.combination.held());
-        let of_tiles = objective::Step { objective: &objectives[frame], shape, isa, influence, held };
+        let (influence, frozen_outputs) = (settings.influence.at(done), settings.combination.frozen_outputs());
+        let of_tiles = objective::Step { objective: &objectives[frame], shape, isa, influence, frozen_outputs };
         let (loss, gradient) = of_tiles.run(&model.to_vec(), &tiles, &workspaces);
         let rate = guard.brake() * rate_at(settings, noise_rate, step, done);
         if guard.allows(loss, &gradient) {

@@ -7,7 +7,7 @@ use crate::outcome::{Outcome, correct_frame};
 use crate::output_folder::OutputFolder;
 use crate::preset::Settings;
 use crate::progress::{BAR, Progress};
-use crate::report::{FitSeconds, RelL2, Report};
+use crate::report::{FitReport, FitSeconds, RelL2};
 use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
@@ -94,8 +94,8 @@ fn report(
     fitted: &Fitted,
     outcome: &Outcome,
     seconds: FitSeconds,
-) -> Report {
-    Report {
+) -> FitReport {
+    FitReport {
         version: env!("CARGO_PKG_VERSION").into(),
         preset: args.preset,
         seed: args.seed,
@@ -113,7 +113,7 @@ fn report(
         rel_l2: outcome.rel_l2.clone(),
         loss: outcome.verdict.loss,
         estimate: outcome.verdict.estimate,
-        unseen_gain: outcome.verdict.unseen_gain,
+        held_out_gain: outcome.verdict.held_out_gain,
         fallback: outcome.verdict.fallback.clone(),
         mean_share: outcome.mean_share,
         seconds,
@@ -162,7 +162,7 @@ fn say_estimate(output: &Output, verdict: &Verdict) {
         "estimated relL2 of the halves' mean: denoised {:.5}, corrected {:.5} {error}",
         estimate.denoised.value, estimate.corrected.value
     ));
-    if let Some(Mean { value, standard_error: Some(error) }) = verdict.unseen_gain {
+    if let Some(Mean { value, standard_error: Some(error) }) = verdict.held_out_gain {
         output.detail(&format!("  gain over pixels that were not trained on: {value:.5} ± {error:.5} of loss"));
     }
 }

@@ -15,6 +15,7 @@
 //! | [`report`] | what is told of it |
 //! | [`write`](mod@write), [`output_folder`] | what a fit leaves behind |
 //! | [`fit_command`], [`export`], [`progress`] | the commands |
+#![forbid(unsafe_code)]
 
 pub mod backend;
 pub mod cli;

@@ -1,4 +1,5 @@
 //! `sspc-train`: fits the corrector to a frame and exports it; see `sspc-train --help`.
+#![forbid(unsafe_code)]
 
 use clap::Parser;
 use sspc_cli::{failure, interrupt};

@@ -43,7 +43,7 @@ pub fn correct_frame(
         composition: settings.composition,
         strength,
         rows: Some(prepared.height()),
-        judged_by_unseen: settings.leaves_pixels_out(prepared.height(), prepared.width()),
+        judged_by_held_out: settings.leaves_pixels_out(prepared.height(), prepared.width()),
         keep_maps: input.reference.is_some(),
     };
     let network = WindowNetwork::new(isa, settings.form, network);

@@ -3,7 +3,7 @@
 use crate::combination::Combination;
 use sspc_core::composition::Composition;
 use sspc_core::frame_stats::Exposure;
-use sspc_core::unseen;
+use sspc_core::held_out;
 use sspc_kernels::features::FeatureSet;
 use sspc_kernels::gc::PAPER_RADIUS;
 use sspc_kernels::network::Shape;
@@ -188,7 +188,7 @@ pub struct Settings {
     pub composition: Composition,
     /// Features that may take part: all, or those of the model that training starts from.
     pub features: FeatureSet,
-    /// Whether one block in eight is not trained on and judges the picture ([`unseen`]). In no preset: where fireflies
+    /// Whether one block in eight is not trained on and judges the picture ([`held_out`]). In no preset: where fireflies
     /// decide, one frame of fur in four seeds came out 1.5 times the denoiser's error, and 0.9 without.
     pub held_out: bool,
     /// What of a frame is left out where it needs no work.
@@ -204,7 +204,7 @@ impl Settings {
     /// Whether training leaves out pixels of a frame of this size, to judge the picture by: not where they would be too
     /// few.
     pub fn leaves_pixels_out(&self, height: usize, width: usize) -> bool {
-        self.held_out && self.composition == Composition::JudgedFullBuffer && unseen::are_enough(height, width)
+        self.held_out && self.composition == Composition::JudgedFullBuffer && held_out::are_enough(height, width)
     }
 
     /// The settings of a preset.

@@ -141,7 +141,7 @@ pub fn skipped(prepared: &Prepared) -> Vec<Skipped> {
 
 /// The whole report.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct FitReport {
     /// Version of the program.
     pub version: String,
     /// Preset of the command line.
@@ -179,7 +179,7 @@ pub struct Report {
     pub estimate: Estimate,
     /// Fall of the loss by the pixels that training left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub unseen_gain: Option<Mean>,
+    pub held_out_gain: Option<Mean>,
     /// Why the output is the denoiser's, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<String>,

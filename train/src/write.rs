@@ -6,7 +6,7 @@ use crate::inputs::Input;
 use crate::outcome::Outcome;
 use crate::output_folder::OutputFolder;
 use crate::preset::Settings;
-use crate::report::Report;
+use crate::report::FitReport;
 use rayon::prelude::*;
 use sspc_cli::record::{self, peak_rss_bytes};
 use sspc_cli::{Code, Failure};
@@ -96,7 +96,7 @@ fn protected(args: &FitArgs, overrides: &RoleOverrides, inputs: &[Input]) -> Vec
 pub fn write_outputs(
     what: &Written,
     overrides: &RoleOverrides,
-    mut reports: Vec<Report>,
+    mut reports: Vec<FitReport>,
     mut folder: OutputFolder,
     start: Instant,
 ) -> Result<(), Failure> {

@@ -1,5 +1,6 @@
 //! `sspc-train fit --set` as a user runs it, on the repository's sample.
 
+use sspc_core::frame_stats::FrameStats;
 use sspc_core::prepare::{Exposure, Prepared};
 use sspc_kernels::parameters::{Form, SLOPES};
 use sspc_testkit::frames;
@@ -56,7 +57,8 @@ fn a_model_of_f_c_has_its_slopes() {
     let output = fit(&out, &["combination=fc"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(report(&out)["settings"]["combination"], "fc");
-    let prepared = Prepared::new(&frames::sample(), Exposure::Normalised);
+    let sample = frames::sample();
+    let prepared = Prepared::by_stats(&sample, &FrameStats::of(&sample, Exposure::Normalised));
     let network = sspc_onnx::load_model(&out.join("model.onnx")).expect("a model").network();
     let planes = parameters(&window_network(Form::Gated, &network), &prepared.halves[0]);
     for slope in SLOPES..9 {

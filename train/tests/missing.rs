@@ -1,8 +1,8 @@
 //! NaN and Inf in files, as a user meets them: counted, said, filled, or refused.
 
-use sspc_frames::write::write_picture;
-use sspc_frames::{read_picture, write_corrected};
+use sspc_frames::read_picture;
 use sspc_image::Image;
+use sspc_testkit::exr_parts::{write_over, write_picture};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -36,7 +36,7 @@ fn report(out: &Path) -> serde_json::Value {
 fn without_channel(path: &Path, channel: usize, value: f32) -> PathBuf {
     let mut picture = Image::from_fn(3, 192, 256, |c, y, x| 0.1 + 0.01 * ((c + 3 * y + 7 * x) % 50) as f32);
     picture.plane_mut(channel).fill(value);
-    write_picture(path, &[], &picture, &[]).expect("written");
+    write_picture(path, &picture);
     path.to_path_buf()
 }
 
@@ -48,7 +48,7 @@ fn colour_without_a_finite_value_is_refused_by_the_name_of_its_channel() {
     let mut bad = noisy.clone();
     bad.plane_mut(1).fill(f32::NAN);
     let a = folder.path().join("a.exr");
-    write_corrected(&a, &sample("a.exr"), &[], &bad, &[]).expect("written");
+    write_over(&a, &sample("a.exr"), &bad, &[]).expect("written");
     let output = fit(&a, &sample("b.exr"), &out, &[]);
     let message = said(&output);
     assert_eq!(output.status.code(), Some(3), "{message}");
@@ -94,7 +94,7 @@ fn missing_pixels_are_counted_and_filled() {
         bad.set(c, y, x, value);
     }
     let a = folder.path().join("a.exr");
-    write_corrected(&a, &sample("a.exr"), &[], &bad, &[]).expect("written");
+    write_over(&a, &sample("a.exr"), &bad, &[]).expect("written");
     let output = fit(&a, &sample("b.exr"), &out, &[]);
     assert!(output.status.success(), "{}", said(&output));
     let report = report(&out);

@@ -59,9 +59,9 @@ impl Objective {
         self
     }
 
-    /// The same without the pixels that training leaves out ([`crate::unseen`]).
-    pub fn without_unseen(mut self) -> Self {
-        self.halves.iter_mut().for_each(|half| crate::unseen::blind(&mut half.weight));
+    /// The same without the pixels that training leaves out ([`crate::held_out`]).
+    pub fn without_held_out(mut self) -> Self {
+        self.halves.iter_mut().for_each(|half| crate::held_out::blind(&mut half.weight));
         self
     }
 

@@ -22,7 +22,7 @@ pub struct Step<'a> {
     /// The limit of [`Objective::loss`].
     pub influence: f32,
     /// Network outputs that training leaves alone: nothing flows back through them.
-    pub held: Range<usize>,
+    pub frozen_outputs: Range<usize>,
 }
 
 /// What a tile needs on its way, of one size and shape; used again by later tiles.
@@ -105,7 +105,7 @@ impl Step<'_> {
         let measure = PixelLoss { scale, influence: self.influence };
         let loss = self.objective.loss(self.isa, tile, outputs, measure, by_outputs, scratch);
         let pixels = tile.region.pixels();
-        by_outputs[self.held.start * pixels..self.held.end * pixels].fill(0.0);
+        by_outputs[self.frozen_outputs.start * pixels..self.frozen_outputs.end * pixels].fill(0.0);
         network.backward(planes, back, by_outputs, gradient);
         loss
     }

@@ -1,7 +1,7 @@
 //! One frame from file to file.
 
 use super::arguments::Job;
-use super::report::{FrameSeconds, Report};
+use super::report::{FrameReport, FrameSeconds};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::reading::ReadFrame;
@@ -48,7 +48,7 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
             write,
             total: start.elapsed().as_secs_f64(),
         };
-        let report = Report::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
+        let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
@@ -91,7 +91,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         composition: contract.composition,
         strength: arguments.run.strength,
         rows: None,
-        judged_by_unseen: false,
+        judged_by_held_out: false,
         keep_maps: false,
     };
     let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
@@ -166,7 +166,7 @@ fn say_what_was_read(shared: &Shared, job: &Job, frame: &ReadFrame) {
     }
 }
 
-fn say_result(output: &Output, job: &Job, report: &Report) {
+fn say_result(output: &Output, job: &Job, report: &FrameReport) {
     let (name, estimate, seconds) = (job.frame.name(), &report.estimate, report.seconds);
     match &report.fallback {
         Some(reason) => output.say(&format!("{name}: the picture is the denoiser's: {reason}")),

@@ -54,7 +54,7 @@ pub struct Origin {
 
 /// Everything `--json` writes.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct FrameReport {
     /// Version of the program.
     pub version: &'static str,
     /// Number in a shot.
@@ -113,7 +113,7 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-impl Report {
+impl FrameReport {
     /// Everything that is known of a corrected frame.
     pub fn new(
         shared: &Shared,
@@ -127,7 +127,7 @@ impl Report {
         let contract = &shared.engine.model().contract;
         let first_tile = shared.engine.first_tile().and_then(clock::since_start);
         let verdict = &corrected.verdict;
-        Report {
+        FrameReport {
             version: env!("CARGO_PKG_VERSION"),
             frame: job.frame.number,
             output: shown_path(&job.output),

@@ -47,7 +47,7 @@ impl Setup {
     /// Loss and gradient of our step.
     fn step(&self, influence: f32, workspaces: &Workspaces) -> (f64, Vec<f32>) {
         let (objective, shape, isa) = (&self.objective, self.shape, Isa::best());
-        Step { objective, shape, isa, influence, held: 0..0 }.run(&self.weights, &self.tiles, workspaces)
+        Step { objective, shape, isa, influence, frozen_outputs: 0..0 }.run(&self.weights, &self.tiles, workspaces)
     }
 
     /// The mean of Eq. 9 over the tiles, written out, and its gradient by network outputs of `tile`: through g_c, with

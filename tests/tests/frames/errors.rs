@@ -1,8 +1,9 @@
 //! What is wrong with a frame is said in one line that names file, role, expected and found.
 
 use sspc_frames::error::{Error, ErrorKind};
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_picture, read_reference};
+use sspc_frames::{FrameFiles, RoleOverrides, read_picture, read_reference};
 use sspc_testkit::exr_parts::{H, HALF, Part, W, write_file, write_halves, write_parts};
+use sspc_testkit::frames::read_frame;
 use std::path::{Path, PathBuf};
 
 fn error_of(files: &FrameFiles) -> Error {
@@ -219,7 +220,7 @@ fn a_picture_without_any_value_is_refused() {
     let (a, b) = write_halves(folder.path());
     let nan = folder.path().join("nan.exr");
     let picture = sspc_image::Image::filled(3, H, W, f32::NAN);
-    sspc_frames::write::write_picture(&nan, &[], &picture, &[]).expect("written");
+    sspc_testkit::exr_parts::write_picture(&nan, &picture);
     let overrides = format!("radiance-b={}", nan.display());
     assert_says(
         &error_with(&FrameFiles::halves(&a, &b), &[&overrides]),

@@ -3,5 +3,7 @@
 mod errors;
 mod roles;
 mod sample;
+mod second_reader;
 mod shared_frames;
+mod unfinished;
 mod write_outputs;

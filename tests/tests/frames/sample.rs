@@ -1,9 +1,10 @@
 //! The repository's own frames are read unasked and measure what they did when they were cut.
 
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_reference};
+use sspc_frames::{FrameFiles, RoleOverrides, read_reference};
 use sspc_image::{Buffer, Image, Role};
 use sspc_metrics::rel_l2;
 use sspc_testkit::frames::data;
+use sspc_testkit::frames::read_frame;
 
 /// relL2 of the files, computed once by a separate reading of the definition in another language.
 const NOISY: f64 = 0.013_776_599_29;

@@ -1,9 +1,10 @@
 //! The reader on whole renders of several renderers and layouts. The frames lie beside the repository and are
 //! not needed: without them every test says that it was skipped.
 
-use sspc_frames::{FrameFiles, RoleOverrides, read_frame, read_picture, read_reference};
+use sspc_frames::{FrameFiles, RoleOverrides, read_picture, read_reference};
 use sspc_image::{Buffer, Role};
 use sspc_metrics::rel_l2;
+use sspc_testkit::frames::read_frame;
 use sspc_testkit::skips::skipped;
 use std::path::PathBuf;
 

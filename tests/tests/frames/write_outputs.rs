@@ -5,9 +5,9 @@ use exr::image::{FlatImage, FlatSamples};
 use exr::meta::attribute::{AttributeValue, Text};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::error::{Error, ErrorKind};
-use sspc_frames::{atomic_write, read_picture, write_corrected};
+use sspc_frames::{atomic_write, read_picture};
 use sspc_image::Image;
-use sspc_testkit::exr_parts::{H, HALF, Part, W, value, write_file, write_parts};
+use sspc_testkit::exr_parts::{H, HALF, Part, W, value, write_file, write_over, write_parts};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -53,7 +53,7 @@ fn one_part_keeps_its_other_channels_windows_and_attributes() {
     let part = Part { channels: HALF, half: true, position: (3, -2), ..Part::default() };
     let a = write_parts(&folder.path().join("a.exr"), 1, &[part]);
     let out = folder.path().join("out.exr");
-    write_corrected(&out, &a, &[], &corrected(), &provenance()).expect("written");
+    write_over(&out, &a, &corrected(), &provenance()).expect("written");
     let (before, after) = (load(&a), load(&out));
     assert_kept(&before, &after, &["R", "G", "B"]);
     assert_eq!(after.attributes, before.attributes);
@@ -77,7 +77,7 @@ fn the_same_picture_gives_the_same_bytes() {
     for template in [one, two] {
         let outputs = ["first", "second", "third"].map(|name| {
             let path = folder.path().join(name).with_extension("exr");
-            write_corrected(&path, &template, &[], &corrected(), &provenance).expect("written");
+            write_over(&path, &template, &corrected(), &provenance).expect("written");
             let written = &load(&path).layer_data[0].attributes.other;
             assert!(provenance.iter().all(|(name, _)| written.contains_key(&Text::from(name.as_str()))), "{written:?}");
             std::fs::read(path).expect("written")
@@ -100,7 +100,7 @@ fn every_part_is_kept_and_the_shown_one_replaced() {
     ];
     let a = write_parts(&folder.path().join("a.exr"), 1, &parts);
     let out = folder.path().join("out.exr");
-    write_corrected(&out, &a, &[], &corrected(), &provenance()).expect("written");
+    write_over(&out, &a, &corrected(), &provenance()).expect("written");
     let (before, after) = (load(&a), load(&out));
     assert_eq!(after.layer_data.len(), 3);
     assert_kept(&before, &after, &["L.Combined.R", "L.Combined.G", "L.Combined.B"]);
@@ -111,9 +111,11 @@ fn every_part_is_kept_and_the_shown_one_replaced() {
 #[test]
 fn a_file_of_marked_halves_gets_root_colour() {
     let folder = tempfile::tempdir().expect("folder");
-    let a = write_file(&folder.path().join("a.exr"), 1, &["even.R", "even.G", "even.B", "odd.R", "odd.G", "odd.B"]);
+    let layers = ["even", "odd", "denoised_even", "denoised_odd"];
+    let names = layers.map(|layer| ["R", "G", "B"].map(|c| format!("{layer}.{c}"))).concat();
+    let a = write_file(&folder.path().join("a.exr"), 1, &names.iter().map(String::as_str).collect::<Vec<_>>());
     let out = folder.path().join("out.exr");
-    write_corrected(&out, &a, &[], &corrected(), &[]).expect("written");
+    write_over(&out, &a, &corrected(), &[]).expect("written");
     assert_kept(&load(&a), &load(&out), &[]);
     assert_eq!(read_picture(&out, None).expect("picture"), corrected());
 }
@@ -125,7 +127,7 @@ fn values_that_half_floats_cannot_hold_become_f32() {
     let out = folder.path().join("out.exr");
     for scale in [1e6, 1e-6] {
         let picture = Image::from_fn(3, H, W, |c, y, x| scale * (1.0 + value(4, "R", c + y * W + x)));
-        write_corrected(&out, &a, &[], &picture, &[]).expect("written");
+        write_over(&out, &a, &picture, &[]).expect("written");
         assert_eq!(read_picture(&out, None).expect("picture"), picture, "scale {scale}");
     }
 }
@@ -136,7 +138,7 @@ fn lossy_parts_are_stored_without_further_loss() {
     let part = Part { channels: HALF, half: true, compression: Compression::B44, ..Part::default() };
     let a = write_parts(&folder.path().join("a.exr"), 1, &[part]);
     let out = folder.path().join("out.exr");
-    write_corrected(&out, &a, &[], &corrected(), &[]).expect("written");
+    write_over(&out, &a, &corrected(), &[]).expect("written");
     assert_eq!(load(&out).layer_data[0].encoding.compression, Compression::ZIP16);
     assert_kept(&load(&a), &load(&out), &["R", "G", "B"]);
 }
@@ -151,7 +153,7 @@ fn inputs_folders_and_links_are_never_written_to() {
     let dotted = folder.path().join("./x/../a.exr");
     std::fs::create_dir(folder.path().join("x")).expect("folder");
     for out in [&a, &hard, &dotted, &folder.path().join("x"), &folder.path().join("nowhere/out.exr")] {
-        let error = write_corrected(out, &a, &[], &corrected(), &[]).expect_err("refused");
+        let error = write_over(out, &a, &corrected(), &[]).expect_err("refused");
         assert!(matches!(error, Error::Output { .. }), "{error}");
         assert_eq!(error.kind(), ErrorKind::Output);
         assert!(!error.to_string().contains('\n'));

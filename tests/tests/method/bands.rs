@@ -41,7 +41,7 @@ fn bands_give_the_same_picture_and_the_same_figures() {
                 form,
                 window_radius: 9,
                 composition,
-                judged_by_unseen: false,
+                judged_by_held_out: false,
                 strength: 1.0,
                 rows: Some(rows),
                 keep_maps: true,

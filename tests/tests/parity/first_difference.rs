@@ -6,6 +6,7 @@
 
 use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
+use sspc_core::frame_stats::FrameStats;
 use sspc_core::objective::{HalfObjective, Objective, PixelLoss, Tile};
 use sspc_core::prepare::{Exposure, Prepared};
 use sspc_image::Frame;
@@ -86,7 +87,7 @@ fn run(case: &Case, isa: Isa, fault: Fault) -> Vec<Vec<f32>> {
     if fault.features {
         std::mem::swap(&mut frame.a.radiance, &mut frame.a.denoised);
     }
-    let prepared = Prepared::new(&frame, Exposure::AsIs);
+    let prepared = Prepared::by_stats(&frame, &FrameStats::of(&frame, Exposure::AsIs));
     let halves = prepared.halves.each_ref().map(|half| half.data());
     let forward = |shape: &Shape, weights: &[f32]| {
         halves.map(|features| Pass::forward(isa, shape, weights, features, height, width))

@@ -31,13 +31,7 @@ pub fn changed(frame: &Frame, change: impl Fn(&Image) -> Image) -> Frame {
         normal: h.normal.as_ref().map(&change),
         visibility: h.visibility.as_ref().map(&change),
     };
-    Frame {
-        a: half(&frame.a),
-        b: half(&frame.b),
-        denoised: frame.denoised.as_ref().map(&change),
-        sources: Vec::new(),
-        warnings: Vec::new(),
-    }
+    Frame { a: half(&frame.a), b: half(&frame.b), denoised: frame.denoised.as_ref().map(&change) }
 }
 
 /// The frame with all radiance times `factor`.
@@ -65,7 +59,7 @@ pub fn corrected(frame: &Frame, stats: FrameStats, settings: &Settings, network:
         form: settings.form,
         window_radius: settings.radius,
         composition: settings.composition,
-        judged_by_unseen: false,
+        judged_by_held_out: false,
         strength: 1.0,
         rows: None,
         keep_maps: true,

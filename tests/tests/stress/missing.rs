@@ -122,7 +122,7 @@ fn reach(network: usize, window_radius: usize, composition: Composition) -> usiz
         taps: &taps,
         composition,
         strength: 1.0,
-        judged_by_unseen: false,
+        judged_by_held_out: false,
     };
     network + composer.margin()
 }

@@ -38,7 +38,7 @@ fn difference(found: &Image, expected: &Image, factor: f32) -> f64 {
 /// The picture of a frame times `factor`, after `steps` of training.
 fn picture(frame: &sspc_image::Frame, factor: f32, settings: &Settings, steps: Option<usize>) -> Image {
     let frame = scaled(frame, factor);
-    let prepared = Prepared::new(&frame, settings.exposure);
+    let prepared = Prepared::by_stats(&frame, &FrameStats::of(&frame, settings.exposure));
     let network = match steps {
         Some(0) => starting_network(settings),
         _ => fitted(&prepared, settings, steps).network,
@@ -115,7 +115,7 @@ fn beyond_the_range_of_exposures_pictures_stay_finite() {
         let frame = scaled(&frame, factor);
         for preset in [Preset::Fast, Preset::Paper] {
             let settings = Settings { tile: 24, batch: 2, ..Settings::of(preset, 1) };
-            let prepared = Prepared::new(&frame, settings.exposure);
+            let prepared = Prepared::by_stats(&frame, &FrameStats::of(&frame, settings.exposure));
             let fit = fitted(&prepared, &settings, Some(3));
             let picture = corrected(&frame, FrameStats::of(&frame, settings.exposure), &settings, &fit.network).picture;
             assert!(fit.network.weights.iter().all(|w| w.is_finite()), "{preset} at {factor:e}: weights");

@@ -94,7 +94,7 @@ fn survive(preset: Preset) {
     let settings = settings(preset);
     let mut text = format!("\n{STEPS} steps of `{preset}` at its largest rate\n");
     for (name, frame) in frames() {
-        let prepared = Prepared::new(&frame, settings.exposure);
+        let prepared = Prepared::by_stats(&frame, &FrameStats::of(&frame, settings.exposure));
         let fit = fitted(&prepared, &settings, Some(STEPS));
         let not_taken = fit.history.iter().filter(|step| !step.loss.is_finite()).count();
         let largest = fit.network.weights.iter().fold(0.0f32, |m, w| m.max(w.abs()));
@@ -127,7 +127,7 @@ fn equal_halves_leave_the_papers_preset_nothing_to_train() {
     let mut frame = synthetic(20, 24);
     frame.b = frame.a.clone();
     let settings = Settings::of(Preset::Paper, 1);
-    let prepared = Prepared::new(&frame, settings.exposure);
+    let prepared = Prepared::by_stats(&frame, &FrameStats::of(&frame, settings.exposure));
     let fit = fitted(&prepared, &settings, None);
     assert_eq!((fit.history.len(), fit.dropped), (0, 0));
 }

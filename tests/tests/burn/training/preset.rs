@@ -40,7 +40,12 @@ impl Setup {
     fn new() -> Self {
         let case = Case::named("paper-preset");
         let frame = sample();
-        Self { steps: steps(&case), prepared: Prepared::new(&frame, Exposure::AsIs), frame, case }
+        Self {
+            steps: steps(&case),
+            prepared: Prepared::by_stats(&frame, &FrameStats::of(&frame, Exposure::AsIs)),
+            frame,
+            case,
+        }
     }
 
     fn train(&self) -> (Vec<f64>, Network) {

@@ -51,7 +51,7 @@ pub fn train(
         let (tiles, weights): (Vec<Tile>, _) = (tiles.collect(), model.to_vec());
         let (loss, gradient) = match convolutions {
             Convolutions::Kernels => {
-                let step = objective::Step { objective, shape, isa, influence: f32::INFINITY, held: 0..0 };
+                let step = objective::Step { objective, shape, isa, influence: f32::INFINITY, frozen_outputs: 0..0 };
                 step.run(&weights, &tiles, &workspaces)
             }
             Convolutions::Burns => {

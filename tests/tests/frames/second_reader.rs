@@ -6,11 +6,12 @@
 use sspc_frames::resolve::views;
 use sspc_frames::{FrameFiles, OpenFrame, OutputPlan, RoleOverrides};
 use sspc_image::{Buffer, Image, Role};
+use sspc_testkit::frames::read_frame;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn run_python(python: &Path, what: &str, folder: &Path) {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/second_reader.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/frames/second_reader.py");
     let output = Command::new(python).arg(script).arg(what).arg(folder).output().expect("python runs");
     let said = [output.stdout, output.stderr].concat();
     assert!(output.status.success(), "{what}:\n{}", String::from_utf8_lossy(&said));
@@ -41,7 +42,8 @@ fn write_output(case: &Path) {
     for overrides in each {
         let open = OpenFrame::open(&files, &overrides).unwrap_or_else(|error| panic!("{}: {error}", case.display()));
         let own = open.output().expect("a possible output");
-        let frame = open.read().unwrap_or_else(|error| panic!("{}: {error}", case.display()));
+        let read = read_frame(&files, &overrides).unwrap_or_else(|error| panic!("{}: {error}", case.display()));
+        let frame = read.frame;
         let mut picture = frame.denoised.unwrap_or(frame.a.denoised);
         picture.data_mut().iter_mut().for_each(|value| *value += 0.125);
         pictures.push(picture);
