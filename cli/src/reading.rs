@@ -98,7 +98,6 @@ impl ReadFrame {
             stats = FrameStats::of(&frame, exposure);
             warnings.push(places.warning());
         }
-        warnings.extend(stats.trust().warning());
         warnings.extend(stats.found.notes());
         warnings.extend(stats.trust().warning());
         Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings, different })
@@ -141,7 +140,6 @@ impl ReadFrame {
             })?;
             warnings.push(places.warning());
         }
-        warnings.extend(stats.trust().warning());
         warnings.extend(stats.found.notes());
         warnings.extend(stats.trust().warning());
         Ok(Self { source, stats, roles, warnings, different })

@@ -77,7 +77,7 @@ mod tests {
 
     fn frame(radiance: Image, denoised: Image) -> Frame {
         let half = HalfBuffer { radiance, denoised, albedo: None, normal: None, visibility: None };
-        Frame { a: half.clone(), b: half, denoised: None }
+        Frame { a: half.clone(), b: half, denoised: None, variants: Vec::new() }
     }
 
     #[test]

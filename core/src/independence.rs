@@ -313,7 +313,7 @@ mod tests {
             visibility: None,
         };
         let [a, b] = y.map(half);
-        Frame { a, b, denoised: None }
+        Frame { a, b, denoised: None, variants: Vec::new() }
     }
 
     fn measured(frame: &Frame) -> Independence {

@@ -257,7 +257,7 @@ mod tests {
             HalfBuffer { denoised: radiance.clone(), radiance, albedo: None, normal: None, visibility: None }
         };
         let (a, b) = (half(0, &mut rng), half(1, &mut rng));
-        Frame { a, b, denoised: None }
+        Frame { a, b, denoised: None, variants: Vec::new() }
     }
 
     fn places(frame: &Frame) -> Option<DifferentPlaces> {

@@ -94,7 +94,7 @@ impl OpenFrame {
             // resolve() has refused frames without colour or denoised colour.
             unreachable!("a resolved frame has both halves");
         };
-        Ok(Frame { a, b, denoised })
+        Ok(Frame { a, b, denoised, variants: Vec::new() })
     }
 
     /// An inspection that has looked at nothing yet.

@@ -31,6 +31,15 @@ pub struct HalfBuffer {
     pub visibility: Option<Image>,
 }
 
+/// Another picture to correct from: what a further denoiser, or the same with other settings, made of the same samples.
+#[derive(Clone, Debug)]
+pub struct DenoisedVariant {
+    /// z of half a and of half b, `[3, H, W]`.
+    pub halves: [Image; 2],
+    /// z of the full buffer, `[3, H, W]`; without it, the mean of both halves'.
+    pub full: Option<Image>,
+}
+
 /// A rendered reference; with halves of its own, its noise can be removed from relL2.
 #[derive(Clone, Debug)]
 pub struct Reference {
@@ -49,6 +58,16 @@ pub struct Frame {
     pub b: HalfBuffer,
     /// The denoiser's output on the full buffer; without it, the mean of both denoised halves is the baseline.
     pub denoised: Option<Image>,
+    /// What is fitted in the place of z, one network for each, in the order of the model; none where that is z alone.
+    pub variants: Vec<DenoisedVariant>,
+}
+
+impl DenoisedVariant {
+    /// The rows `top..top + height` of every image.
+    pub fn rows(&self, top: usize, height: usize) -> DenoisedVariant {
+        let cut = |image: &Image| image.crop(top, 0, height, image.width());
+        DenoisedVariant { halves: self.halves.each_ref().map(cut), full: self.full.as_ref().map(cut) }
+    }
 }
 
 impl HalfBuffer {
@@ -94,10 +113,11 @@ impl Frame {
             a: self.a.rows(top, height),
             b: self.b.rows(top, height),
             denoised: self.denoised.as_ref().map(|z| z.crop(top, 0, height, z.width())),
+            variants: self.variants.iter().map(|variant| variant.rows(top, height)).collect(),
         }
     }
 
-    /// The rows `top..top + height` of radiance and denoised, without the features.
+    /// The rows `top..top + height` of radiance and denoised, without features and variants.
     pub fn colours(&self, top: usize, height: usize) -> Frame {
         let cut = |image: &Image| image.crop(top, 0, height, image.width());
         let half = |h: &HalfBuffer| HalfBuffer {
@@ -107,7 +127,7 @@ impl Frame {
             normal: None,
             visibility: None,
         };
-        Frame { a: half(&self.a), b: half(&self.b), denoised: self.denoised.as_ref().map(cut) }
+        Frame { a: half(&self.a), b: half(&self.b), denoised: self.denoised.as_ref().map(cut), variants: Vec::new() }
     }
 
     /// Height in pixels.

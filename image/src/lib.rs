@@ -11,7 +11,7 @@ mod shown;
 
 pub use display::display;
 pub use epsilon::REL_L2_EPSILON;
-pub use frame::{Frame, HalfBuffer, Reference, RoleSource};
+pub use frame::{DenoisedVariant, Frame, HalfBuffer, Reference, RoleSource};
 pub use image::Image;
 pub use role::{Buffer, Role};
 pub use rows::FrameRows;

@@ -121,7 +121,7 @@ pub fn frame_of(halves: &[Image; 2]) -> Frame {
         visibility: Some(planes(features, VISIBILITY, 1)),
     };
     let [a, b] = halves.each_ref().map(half);
-    Frame { a, b, denoised: None }
+    Frame { a, b, denoised: None, variants: Vec::new() }
 }
 
 /// Planes `first..first + count`.
