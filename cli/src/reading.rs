@@ -22,6 +22,16 @@ pub enum Source {
     Files(OpenFrame, Option<DifferentPlaces>),
 }
 
+impl Source {
+    /// How many variants of z the frame has.
+    pub fn variants(&self) -> usize {
+        match self {
+            Source::Held(frame) => frame.variants.len(),
+            Source::Files(..) => 0,
+        }
+    }
+}
+
 impl FrameRows for Source {
     type Error = Error;
 

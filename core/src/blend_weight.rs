@@ -92,6 +92,7 @@ mod tests {
             valid: None,
             set: FeatureSet::NONE,
             plan: Plan::everything(height, width),
+            variants: Vec::new(),
             found: Findings::default(),
         }
     }

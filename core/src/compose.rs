@@ -17,6 +17,7 @@ use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 use sspc_kernels::gc::Taps;
 use sspc_kernels::parameters::Form;
+use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
 use std::ops::Range;
@@ -77,7 +78,7 @@ impl Composer<'_> {
     ///
     /// # Errors
     /// What the source of the parameters fails with.
-    pub fn rows<S: ParameterSource>(
+    pub fn rows<S: ParameterSource + ?Sized>(
         &self,
         prepared: &Prepared,
         source: &S,
@@ -121,15 +122,39 @@ impl Composer<'_> {
         share
     }
 
-    /// Corrects what `rows` depend on.
-    fn corrections<S: ParameterSource>(
+    /// Corrects what `rows` depend on: the mean over the networks, each on its own variant of z.
+    fn corrections<S: ParameterSource + ?Sized>(
         &self,
         prepared: &Prepared,
         source: &S,
         rows: &Range<usize>,
     ) -> Result<Corrections, S::Error> {
+        let networks = prepared.networks();
+        assert_eq!(networks, source.networks(), "a network for each variant of z");
+        let weighed = prepared.plan.within_rows(self.weighed_rows(rows, prepared.height()));
+        let mut mean = self.corrections_of(0, prepared, source, rows, &weighed)?;
+        for k in 1..networks {
+            let of_variant = self.corrections_of(k, prepared, source, rows, &weighed)?;
+            mean.add(&of_variant);
+        }
+        if networks > 1 {
+            mean.divide(networks);
+            mean.keep_denoised(prepared, &weighed);
+        }
+        Ok(mean)
+    }
+
+    /// The same by network `k` alone.
+    fn corrections_of<S: ParameterSource + ?Sized>(
+        &self,
+        k: usize,
+        prepared: &Prepared,
+        source: &S,
+        rows: &Range<usize>,
+        weighed: &Plan,
+    ) -> Result<Corrections, S::Error> {
+        let prepared = &*prepared.of_variant(k);
         let height = prepared.height();
-        let weighed = prepared.plan.within_rows(self.weighed_rows(rows, height));
         let finished = prepared.plan.within_rows(rows.clone());
         let mut halves = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
         let mut full = (self.composition == Composition::JudgedFullBuffer).then(|| prepared.denoised.clone());
@@ -142,7 +167,7 @@ impl Composer<'_> {
             }
             let mut of_full = Vec::new();
             for (h, half) in halves.iter_mut().enumerate() {
-                let parameters = parameters(source, &prepared.halves[h], &weighed, strip.clone())?;
+                let parameters = parameters(source, k, &prepared.halves[h], weighed, strip.clone())?;
                 let g_c = |guides, plan: &Plan| self.g_c(prepared, (h, guides), &parameters, plan, &strip);
                 half.put_rows(top, &g_c(Guides::Half, &weighed_strip));
                 if full.is_some() && !finished_strip.is_idle() {
@@ -192,6 +217,37 @@ struct Corrections {
     halves: [Image; 2],
     /// What the picture is made of.
     picture: Image,
+}
+
+impl Corrections {
+    fn images(&mut self) -> [&mut Image; 3] {
+        let [a, b] = &mut self.halves;
+        [a, b, &mut self.picture]
+    }
+
+    fn add(&mut self, other: &Self) {
+        let others = [&other.halves[0], &other.halves[1], &other.picture];
+        for (sum, other) in self.images().into_iter().zip(others) {
+            sum.for_each_row(|c, y, row| row.iter_mut().zip(other.row(c, y)).for_each(|(sum, v)| *sum += v));
+        }
+    }
+
+    fn divide(&mut self, by: usize) {
+        let factor = 1.0 / by as f32;
+        self.images().into_iter().for_each(|image| image.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v *= factor)));
+    }
+
+    /// Puts z where nothing was computed: the variants' differ from it.
+    fn keep_denoised(&mut self, prepared: &Prepared, computed: &Plan) {
+        let denoised = [&*prepared.halves[0], &*prepared.halves[1], &prepared.denoised];
+        let idle = computed.idle_blocks();
+        for (image, z) in self.images().into_iter().zip(denoised) {
+            for Region { top, left, height, width } in &idle {
+                let z = triple(&z.crop(*top, *left, *height, *width), z.channels() - 3);
+                image.put(*top, *left, &z);
+            }
+        }
+    }
 }
 
 /// Weighed corrections of some rows by themselves, and what they say of the picture; `picture` is what it is made of.

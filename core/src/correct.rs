@@ -26,6 +26,9 @@ const BAND_BYTES: usize = 800 << 20;
 /// What a pixel of a band takes at the peak: features of both halves, what is made of them, windows of one half, the
 /// colours as read; about a hundred f32.
 pub const BYTES_PER_PIXEL: usize = 440;
+/// What each variant of z adds: three pictures, as read and in the method's units. The frame as one network sees it is
+/// a copy of half of [`BYTES_PER_PIXEL`] beside it.
+const BYTES_PER_VARIANT: usize = 2 * 3 * 3 * size_of::<f32>();
 /// Fewest rows of a band: below this the rows around it are most of the work.
 const LEAST_ROWS: usize = 64;
 
@@ -173,7 +176,7 @@ pub struct Maps {
 ///
 /// # Errors
 /// [`CorrectError`].
-pub fn correct<B: BandSource, P: ParameterSource>(
+pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
     frame: &mut B,
     parameters: &P,
     how: &CorrectionSettings,
@@ -184,7 +187,7 @@ pub fn correct<B: BandSource, P: ParameterSource>(
     let composer = Composer { isa, form, taps: &taps, composition, strength, judged_by_held_out };
     let (height, width, exposure) = (frame.height(), frame.width(), frame.stats().exposure);
     let around = (composer.margin() + parameters.shape().radius()).next_multiple_of(BLOCK);
-    let step = how.rows.unwrap_or_else(|| band_rows(width, around)).next_multiple_of(BLOCK);
+    let step = how.rows.unwrap_or_else(|| band_rows(width, around, parameters.networks())).next_multiple_of(BLOCK);
     let bands = || (0..height).step_by(step).map(|top| top..(top + step).min(height));
     let mut picture = Image::zeros(3, height, width);
     let mut maps =
@@ -232,7 +235,8 @@ pub fn correct<B: BandSource, P: ParameterSource>(
 }
 
 /// Rows of a band that fit the memory, beside the rows around it.
-fn band_rows(width: usize, around: usize) -> usize {
-    let rows = BAND_BYTES / (BYTES_PER_PIXEL * width.max(1));
+fn band_rows(width: usize, around: usize, networks: usize) -> usize {
+    let of_variants = if networks > 1 { networks * BYTES_PER_VARIANT + BYTES_PER_PIXEL / 2 } else { 0 };
+    let rows = BAND_BYTES / ((BYTES_PER_PIXEL + of_variants) * width.max(1));
     rows.saturating_sub(2 * around).max(LEAST_ROWS)
 }

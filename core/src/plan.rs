@@ -100,6 +100,11 @@ impl Plan {
         (0..self.active.len()).filter(|&b| self.active[b]).map(|b| self.block(b)).collect()
     }
 
+    /// Blocks that are not computed, in row order.
+    pub fn idle_blocks(&self) -> Vec<Region> {
+        (0..self.active.len()).filter(|&b| !self.active[b]).map(|b| self.block(b)).collect()
+    }
+
     /// Runs of active blocks of one block row, as wide as they go: what g_c is computed on.
     pub fn runs(&self) -> Vec<Region> {
         let mut runs: Vec<Region> = Vec::new();

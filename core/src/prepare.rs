@@ -2,7 +2,7 @@
 //! colours, missing pixels marked, feature tensors in channel order.
 
 use crate::plan::Plan;
-use sspc_image::{Frame, HalfBuffer, Image, Role};
+use sspc_image::{DenoisedVariant, Frame, HalfBuffer, Image, Role};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -26,10 +26,44 @@ pub struct Prepared {
     pub valid: Option<Image>,
     /// Features that are there and not constant.
     pub set: FeatureSet,
+    /// What is fitted in the place of z, one network for each, in the order of the model; none where that is z alone.
+    pub variants: Vec<Arc<Variant>>,
     /// What of the picture is computed.
     pub plan: Plan,
     /// What was found on the way.
     pub found: Findings,
+}
+
+/// Another z in the method's units: of half a, of half b and of the full buffer, `[3, H, W]` each, clamped at 0, zero at
+/// missing pixels, and z itself where it has no finite value of its own.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// Of half a and of half b.
+    pub halves: [Image; 2],
+    /// Of the full buffer.
+    pub denoised: Image,
+}
+
+impl Variant {
+    /// A variant in the method's units; `ground` is the z of half a, of half b and of the full buffer.
+    fn new(variant: &DenoisedVariant, ground: [&Image; 3], exposure: f32, valid: &Image) -> Self {
+        let mean = || Image::mean_of(&variant.halves[0], &variant.halves[1]);
+        let full = variant.full.as_ref().map_or_else(|| Cow::Owned(mean()), Cow::Borrowed);
+        let of = |picture: &Image, ground: &Image| {
+            Image::from_rows(3, picture.height(), picture.width(), |c, y, row| {
+                let own = |x: usize| (0..3).all(|c| picture.at(c, y, x).is_finite());
+                let pixels = picture.row(c, y).iter().zip(ground.row(c, y)).enumerate();
+                let source: Vec<f32> = pixels.map(|(x, (v, z))| if own(x) { *v } else { *z }).collect();
+                fill_colour(&source, valid.row(0, y), exposure, row);
+            })
+        };
+        let [a, b] = [0, 1].map(|h| of(&variant.halves[h], ground[h]));
+        Self { halves: [a, b], denoised: of(&full, ground[2]) }
+    }
+
+    fn map(&self, change: impl Fn(&Image) -> Image) -> Self {
+        Self { halves: self.halves.each_ref().map(&change), denoised: change(&self.denoised) }
+    }
 }
 
 /// Whose z, albedo, normal and visibility.
@@ -49,7 +83,9 @@ impl Prepared {
         let half = |h: &HalfBuffer| half_features(h, stats, &valid, &present);
         let halves = [half(&frame.a), half(&frame.b)];
         let denoised = colour(&baseline(frame), stats.exposure, &valid);
-        Self::of_parts(halves, denoised, valid, stats)
+        let ground = [&frame.a.denoised, &frame.b.denoised, &*baseline(frame)];
+        let variants = frame.variants.iter().map(|v| Arc::new(Variant::new(v, ground, stats.exposure, &valid))).collect();
+        Self { variants, ..Self::of_parts(halves, denoised, valid, stats) }
     }
 
     /// The same of a whole frame that is given away, each half as soon as its features are there; and
@@ -58,12 +94,15 @@ impl Prepared {
         let valid = validity(&frame);
         let present = Role::FEATURES.map(|feature| presence(&frame, feature));
         let baseline = baseline(&frame).into_owned();
-        let Frame { a, b, denoised, .. } = frame;
+        let Frame { a, b, denoised, variants } = frame;
         drop(denoised);
+        let ground = [&a.denoised, &b.denoised, &baseline];
+        let of = |variant| Arc::new(Variant::new(&variant, ground, stats.exposure, &valid));
+        let variants = variants.into_iter().map(of).collect();
         let features = |half: HalfBuffer| half_features(&half, stats, &valid, &present);
         let halves = [features(a), features(b)];
         let denoised = colour(&baseline, stats.exposure, &valid);
-        (Self::of_parts(halves, denoised, valid, stats), baseline)
+        (Self { variants, ..Self::of_parts(halves, denoised, valid, stats) }, baseline)
     }
 
     fn of_parts(halves: [Image; 2], denoised: Image, valid: Image, stats: &FrameStats) -> Self {
@@ -73,7 +112,38 @@ impl Prepared {
             Trust::None(_) => Plan::nothing(halves[0].height(), halves[0].width()),
             Trust::Independent | Trust::SharedNoise(_) => Plan::new(&halves, valid.as_ref()),
         };
-        Self { plan, exposure, halves: halves.map(Arc::new), denoised, valid, set, found }
+        Self { plan, exposure, halves: halves.map(Arc::new), denoised, valid, set, variants: Vec::new(), found }
+    }
+
+    /// How many networks are fitted.
+    pub fn networks(&self) -> usize {
+        self.variants.len().max(1)
+    }
+
+    /// The frame as network `k` and its g_c see it: variant `k` in the place of z, and no variants.
+    ///
+    /// # Panics
+    /// When there is no such variant.
+    pub fn of_variant(&self, k: usize) -> Cow<'_, Self> {
+        if self.variants.is_empty() {
+            assert_eq!(k, 0, "a frame without variants has one z");
+            return Cow::Borrowed(self);
+        }
+        let Variant { halves, denoised } = &*self.variants[k];
+        let with_z = |h: usize| {
+            let own = &self.halves[h];
+            Arc::new(Image::from_rows(FEATURE_CHANNELS, own.height(), own.width(), |c, y, row| {
+                row.copy_from_slice(if c >= DENOISED { halves[h].row(c - DENOISED, y) } else { own.row(c, y) });
+            }))
+        };
+        Cow::Owned(Self {
+            halves: [with_z(0), with_z(1)],
+            denoised: denoised.clone(),
+            valid: self.valid.clone(),
+            variants: Vec::new(),
+            plan: self.plan.clone(),
+            ..*self
+        })
     }
 
     /// With every pixel to be computed, unless the `whole` frame's halves are equal everywhere: there
@@ -92,6 +162,7 @@ impl Prepared {
             halves: self.halves.each_ref().map(|half| Arc::new(cut(half))),
             denoised: cut(&self.denoised),
             valid: self.valid.as_ref().map(cut),
+            variants: self.variants.iter().map(|variant| Arc::new(variant.map(cut))).collect(),
             plan: self.plan.of_rows(rows.clone()),
             ..*self
         }

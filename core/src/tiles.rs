@@ -20,27 +20,31 @@ use std::sync::Mutex;
 /// window's planes stay in a core's cache.
 pub const DEFAULT_TILE: usize = 128;
 
-/// Something that runs the network over windows: our kernels, or an inference engine.
+/// Something that runs the networks over windows: our kernels, or an inference engine.
 pub trait ParameterSource: Sync {
     /// Why a window could not be computed.
     type Error: Send;
 
-    /// The network's layers and channels.
+    /// Layers and channels of every network.
     fn shape(&self) -> Shape;
+
+    /// How many networks there are, one for each variant of z.
+    fn networks(&self) -> usize;
 
     /// Side of the tiles that it likes best, pixels.
     fn tile(&self) -> usize {
         DEFAULT_TILE
     }
 
-    /// Activated parameters `[P, wanted.height, wanted.width]` of the pixels `wanted` of a window of features
-    /// `[13, h, w]`, around which there are zeros.
+    /// Activated parameters `[P, wanted.height, wanted.width]`, by network `k`, of the pixels `wanted` of a window of
+    /// features `[13, h, w]`, around which there are zeros.
     ///
     /// # Errors
     /// What the engine fails with.
-    fn window(&self, features: Image, wanted: Region) -> Result<Image, Self::Error>;
+    fn window(&self, k: usize, features: Image, wanted: Region) -> Result<Image, Self::Error>;
 }
 
+/// A network by itself.
 impl ParameterSource for WindowNetwork {
     type Error = Infallible;
 
@@ -48,15 +52,36 @@ impl ParameterSource for WindowNetwork {
         WindowNetwork::shape(self)
     }
 
-    fn window(&self, features: Image, wanted: Region) -> Result<Image, Infallible> {
+    fn networks(&self) -> usize {
+        1
+    }
+
+    fn window(&self, _: usize, features: Image, wanted: Region) -> Result<Image, Infallible> {
         let mut out = Image::zeros(WindowNetwork::shape(self).outputs, wanted.height, wanted.width);
         self.run_inner(features.data(), features.height(), features.width(), wanted, out.data_mut());
         Ok(out)
     }
 }
 
-/// Activated parameters `[P, rows, W]` of some rows of a picture's features `[13, H, W]`, zero in tiles that the plan
-/// of the picture skips.
+/// Networks of one shape, at least one.
+impl ParameterSource for [WindowNetwork] {
+    type Error = Infallible;
+
+    fn shape(&self) -> Shape {
+        self[0].shape()
+    }
+
+    fn networks(&self) -> usize {
+        self.len()
+    }
+
+    fn window(&self, k: usize, features: Image, wanted: Region) -> Result<Image, Infallible> {
+        self[k].window(0, features, wanted)
+    }
+}
+
+/// Activated parameters `[P, rows, W]`, by network `k`, of some rows of a picture's features `[13, H, W]`, zero in tiles
+/// that the plan of the picture skips.
 ///
 /// # Errors
 /// The first that the source fails with.
@@ -65,6 +90,7 @@ impl ParameterSource for WindowNetwork {
 /// When the features have other channels.
 pub fn parameters<S: ParameterSource + ?Sized>(
     source: &S,
+    k: usize,
     features: &Image,
     plan: &Plan,
     rows: Range<usize>,
@@ -77,7 +103,7 @@ pub fn parameters<S: ParameterSource + ?Sized>(
     let tiles = grid.tiles_of_rows(rows.clone()).into_par_iter().filter(|tile| plan.touches(&tile.region));
     tiles.try_for_each(|tile| {
         let window = features.crop(tile.window.top, tile.window.left, tile.window.height, tile.window.width);
-        let computed = source.window(window, tile.in_window())?;
+        let computed = source.window(k, window, tile.in_window())?;
         let mut parameters = parameters.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         parameters.put(tile.region.top - rows.start, tile.region.left, &computed);
         Ok(())

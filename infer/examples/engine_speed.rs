@@ -106,7 +106,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let engine = Engine::new(model.clone(), kernels, DEFAULT_TILE);
         let mut computed = None;
         report(&name, network_flop, repeats, || {
-            computed = Some(parameters(&engine, &features, &everything, 0..height).expect("the network runs"));
+            computed = Some(parameters(&engine, 0, &features, &everything, 0..height).expect("the network runs"));
         });
         let Some(parameters) = computed else { continue };
         if kernels == Kernels::Fused(best) {

@@ -38,8 +38,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let stats = FrameStats::of(&frame, contract.exposure).with_features_of(contract.features);
     let prepared = Prepared::by_stats(&frame, &stats);
     let features = &prepared.halves[0];
-    let network = WindowNetwork::new(Isa::best(), contract.form, &model.network());
-    let Ok(planes) = parameters(&network, features, &prepared.plan, 0..prepared.height());
+    let network = WindowNetwork::new(Isa::best(), contract.form, &model.networks()[0]);
+    let Ok(planes) = parameters(&network, 0, features, &prepared.plan, 0..prepared.height());
     let radius = contract.window_radius;
     let windows = Windows::new(features, prepared.valid.as_ref(), prepared.set, radius);
     let rows: Vec<Vec<Pixel>> = (0..prepared.height())

@@ -22,6 +22,11 @@ impl GraphBuilder {
         Self { graph: GraphProto { name: Some(name.into()), ..Default::default() } }
     }
 
+    /// The graph so far.
+    pub fn graph_mut(&mut self) -> &mut GraphProto {
+        &mut self.graph
+    }
+
     pub fn finish(self) -> GraphProto {
         self.graph
     }

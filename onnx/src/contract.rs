@@ -12,6 +12,10 @@ use std::collections::BTreeMap;
 /// channel order, activations, exposure rule, window, meaning of an output.
 pub const CONTRACT_VERSION: u32 = 1;
 
+/// The version of a contract of several networks; with one, it is [`CONTRACT_VERSION`].
+pub const SEVERAL_NETWORKS_VERSION: u32 = 2;
+/// Most networks that the reader accepts.
+pub const MAX_NETWORKS: usize = 8;
 /// Most convolutions that the reader accepts: far more than are useful.
 pub const MAX_LAYERS: usize = 32;
 /// Largest sizes that the kernels support.
@@ -64,6 +68,8 @@ pub struct Contract {
     pub form: Form,
     /// Size of the network; its outputs are the form's parameters.
     pub shape: Shape,
+    /// How many networks of that size there are: one for each denoised picture of a half, in their order.
+    pub networks: usize,
     /// Radius of the square window of g_c, pixels.
     pub window_radius: usize,
     /// How our own programs compose the picture; the image graph returns the mean of the halves.
@@ -93,6 +99,7 @@ impl Contract {
         Contract {
             form,
             shape: Shape::paper(form),
+            networks: 1,
             window_radius: PAPER_RADIUS,
             composition: match form {
                 Form::Paper => Composition::MeanOfHalves,
@@ -107,5 +114,10 @@ impl Contract {
             features: FeatureSet::ALL,
             extra: BTreeMap::new(),
         }
+    }
+
+    /// The version that states it.
+    pub fn version(&self) -> u32 {
+        if self.networks > 1 { SEVERAL_NETWORKS_VERSION } else { CONTRACT_VERSION }
     }
 }

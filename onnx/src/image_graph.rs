@@ -1,8 +1,9 @@
 //! The `image` graph: the whole corrector in standard operators, for other engines.
 
+use crate::apart::add_apart;
 use crate::builder::{Dim, GraphBuilder, int, ints};
 use crate::messages::data_type;
-use crate::model::Model;
+use crate::model::{Model, prefix};
 use crate::network_graph::{activated_parts, encode, planes};
 use crate::window_sum::add_window_sums;
 use sspc_image::Role;
@@ -15,15 +16,51 @@ pub(crate) const IMAGE_GRAPH: &str = "sspc_image";
 ///
 /// Inputs: `radiance`, `denoised`, `albedo`, `normal` `[N, 3, H, W]`, `visibility` `[N, 1, H, W]`,
 /// `exposure` `[1]`. Outputs: `corrected` `[1, 3, H, W]` = max(0, mean over the halves), and
-/// `halves` `[N, 3, H, W]`, both in the units of `radiance`. Values must be finite.
+/// `halves` `[N, 3, H, W]`, both in the units of `radiance`. Values must be finite. Of several networks, each takes its
+/// own denoised picture, `denoised`, `z2_denoised` and so on, and the halves are the mean over the networks.
 ///
 /// # Panics
 /// When the weights do not fit the contract; [`Model::new`] checks that.
 pub fn write_image(model: &Model) -> Vec<u8> {
+    let networks = model.contract.networks;
+    let mut graph = match networks {
+        1 => halves_graph(model, 0, "halves"),
+        _ => mean_of_networks(model),
+    };
+    let mean = vec![ints("axes", &[0]), int("keepdims", 1)];
+    graph.op_with("ReduceMean", &["halves"], "mean_of_halves", mean);
+    graph.op("Relu", &["mean_of_halves"], "corrected");
+    let [_, channels, height, width] = planes(3);
+    graph.output("corrected", data_type::FLOAT, &[Dim::Size(1), channels, height, width]);
+    graph.output("halves", data_type::FLOAT, &planes(3));
+    encode(model, graph.finish())
+}
+
+/// Inputs that all networks take alike.
+const SHARED: [&str; 5] = ["radiance", "albedo", "visibility", "normal", "exposure"];
+
+/// Both halves corrected by each network, and their mean: `halves` `[N, 3, H, W]`.
+fn mean_of_networks(model: &Model) -> GraphBuilder {
+    let networks = model.contract.networks;
+    let mut graph = halves_graph(model, 0, "own_halves");
+    for k in 1..networks {
+        add_apart(graph.graph_mut(), halves_graph(model, k, "own_halves").finish(), &prefix(k), &SHARED);
+    }
+    let mut sum = String::from("own_halves");
+    for k in 1..networks {
+        sum = graph.op("Add", &[&sum, &format!("{}own_halves", prefix(k))], &format!("sum_of_{}", k + 1));
+    }
+    graph.floats("networks", &[], &[networks as f32]);
+    graph.op("Div", &[&sum, "networks"], "halves");
+    graph
+}
+
+/// Both halves corrected by network `k`: `halves` `[N, 3, H, W]`.
+fn halves_graph(model: &Model, k: usize, halves: &str) -> GraphBuilder {
     let mut graph = GraphBuilder::new(IMAGE_GRAPH);
     declare(&mut graph);
     let features = features(&mut graph);
-    let parameters = activated_parts(&mut graph, model, &features);
+    let parameters = activated_parts(&mut graph, model, k, &features);
     split_parameters(&mut graph, &parameters);
     add_window_sums(&mut graph, model.contract.window_radius);
     let mut estimate = combine(&mut graph);
@@ -32,11 +69,8 @@ pub fn write_image(model: &Model) -> Vec<u8> {
         let gated = graph.op("Mul", &["gate", &residual], "gated_residual");
         estimate = graph.op("Add", &["z", &gated], "gated_estimate");
     }
-    graph.op("Div", &[&estimate, "exposure"], "halves");
-    let mean = vec![ints("axes", &[0]), int("keepdims", 1)];
-    graph.op_with("ReduceMean", &["halves"], "mean_of_halves", mean);
-    graph.op("Relu", &["mean_of_halves"], "corrected");
-    encode(model, graph.finish())
+    graph.op("Div", &[&estimate, "exposure"], halves);
+    graph
 }
 
 fn declare(graph: &mut GraphBuilder) {
@@ -44,9 +78,6 @@ fn declare(graph: &mut GraphBuilder) {
         graph.input(role.name(), data_type::FLOAT, &planes(role.channels()));
     }
     graph.input("exposure", data_type::FLOAT, &[Dim::Size(1)]);
-    let [_, channels, height, width] = planes(3);
-    graph.output("corrected", data_type::FLOAT, &[Dim::Size(1), channels, height, width]);
-    graph.output("halves", data_type::FLOAT, &planes(3));
 }
 
 /// Adds `y`, `z`, `rho`, `v` and `n` in normalised exposure and the network's input.

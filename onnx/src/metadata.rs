@@ -21,7 +21,7 @@ const FRAME_SEPARATOR: &str = "\n";
 pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     let Contract { form, shape, features, .. } = contract;
     let required = [
-        ("contract", CONTRACT_VERSION.to_string()),
+        ("contract", contract.version().to_string()),
         ("form", form_name(*form).to_string()),
         ("input_channels", CHANNEL_NAMES.join(",")),
         ("output_channels", form.parameter_names().join(",")),
@@ -42,8 +42,9 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     ]
     .into_iter()
     .map(|(key, value)| (format!("{PREFIX}{key}"), value));
+    let networks = (contract.networks > 1).then(|| (format!("{PREFIX}networks"), contract.networks.to_string()));
     let extra = contract.extra.iter().map(|(k, v)| (format!("{EXTRA}{k}"), v.clone()));
-    extra.chain(required).map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) }).collect()
+    extra.chain(networks).chain(required).map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) }).collect()
 }
 
 /// Reads the entries back.
@@ -54,10 +55,11 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
 pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error> {
     let entries =
         Entries(entries.iter().map(|e| (e.key.as_deref().unwrap_or(""), e.value.as_deref().unwrap_or(""))).collect());
-    let version = entries.text("contract")?;
-    if version != CONTRACT_VERSION.to_string() {
-        return Err(Error::Version { expected: CONTRACT_VERSION, found: shown(version) });
-    }
+    let networks = match entries.text("contract")? {
+        version if version == CONTRACT_VERSION.to_string() => 1,
+        version if version == SEVERAL_NETWORKS_VERSION.to_string() => entries.within("networks", 2, MAX_NETWORKS)?,
+        version => return Err(Error::Version { expected: SEVERAL_NETWORKS_VERSION, found: shown(version) }),
+    };
     let form = match entries.text("form")? {
         "paper" => Form::Paper,
         "gated" => Form::Gated,
@@ -82,6 +84,7 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
     Ok(Contract {
         form,
         shape,
+        networks,
         window_radius: entries.within("window_radius", 1, MAX_WINDOW_RADIUS)?,
         composition: match entries.text("composition")? {
             "mean-of-halves" => Composition::MeanOfHalves,

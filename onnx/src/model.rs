@@ -9,7 +9,7 @@ use sspc_kernels::network::{Network, layer};
 pub struct Model {
     /// What the model states about itself.
     pub contract: Contract,
-    /// Layer after layer: weight `[out][in][3][3]` row-major, then bias `[out]`.
+    /// Network after network, layer after layer: weight `[out][in][3][3]` row-major, then bias `[out]`.
     pub weights: Vec<f32>,
 }
 
@@ -25,9 +25,21 @@ impl Model {
         Ok(model)
     }
 
-    /// The network for our kernels.
-    pub fn network(&self) -> Network {
-        Network { shape: self.contract.shape, weights: self.weights.clone() }
+    /// The networks for our kernels, in the order of the denoised pictures.
+    pub fn networks(&self) -> Vec<Network> {
+        let shape = self.contract.shape;
+        let of = |weights: &[f32]| Network { shape, weights: weights.to_vec() };
+        self.weights.chunks_exact(shape.parameter_count()).map(of).collect()
+    }
+
+    /// A model of network `k` alone.
+    ///
+    /// # Panics
+    /// When there is no such network.
+    pub fn of_network(&self, k: usize) -> Model {
+        let count = self.contract.shape.parameter_count();
+        let contract = Contract { networks: 1, ..self.contract.clone() };
+        Model { contract, weights: self.weights[k * count..(k + 1) * count].to_vec() }
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -35,15 +47,15 @@ impl Model {
         if shape.outputs != form.parameters() {
             return Err(Error::Outputs { expected: form.parameters(), found: shape.outputs });
         }
-        let expected = shape.parameter_count();
+        let expected = self.contract.networks * shape.parameter_count();
         if self.weights.len() != expected {
             return Err(Error::WeightCount { expected, found: self.weights.len() });
         }
-        for l in 0..shape.layers {
-            let (weight, bias) = self.layer(l);
+        for (k, l) in (0..self.contract.networks).flat_map(|k| (0..shape.layers).map(move |l| (k, l))) {
+            let (weight, bias) = self.layer(k, l);
             for (part, values) in [("weight", weight), ("bias", bias)] {
                 if let Some(at) = values.iter().position(|w| !w.is_finite()) {
-                    let tensor = format!("{}.{part}", layer_name(l));
+                    let tensor = format!("{}{}.{part}", prefix(k), layer_name(l));
                     return Err(Error::NotFinite { tensor, index: at, found: values[at] });
                 }
             }
@@ -51,10 +63,16 @@ impl Model {
         Ok(())
     }
 
-    /// Kernel and bias of convolution `l`.
-    pub(crate) fn layer(&self, l: usize) -> (&[f32], &[f32]) {
-        layer(&self.contract.shape, &self.weights, l)
+    /// Kernel and bias of convolution `l` of network `k`.
+    pub(crate) fn layer(&self, k: usize, l: usize) -> (&[f32], &[f32]) {
+        let shape = &self.contract.shape;
+        layer(shape, &self.weights[k * shape.parameter_count()..], l)
     }
+}
+
+/// What the names of network `k` in a graph of several begin with: nothing for the first.
+pub(crate) fn prefix(k: usize) -> String {
+    if k == 0 { String::new() } else { format!("z{}_", k + 1) }
 }
 
 /// Name of a convolution in the graphs; its initialisers add `.weight` and `.bias`.

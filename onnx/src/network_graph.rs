@@ -1,9 +1,10 @@
 //! The `network` graph: features -> activated parameters.
 
+use crate::apart::add_apart;
 use crate::builder::{Dim, GraphBuilder, int, ints};
 use crate::messages::{GraphProto, ModelProto, OperatorSetIdProto, data_type};
 use crate::metadata;
-use crate::model::{Model, layer_name};
+use crate::model::{Model, layer_name, prefix};
 use prost::Message;
 use sspc_kernels::features::FEATURE_CHANNELS;
 use sspc_kernels::parameters::{ACTIVATION_FLOOR, BANDWIDTH_COUNT, Form, SLOPE_COUNT};
@@ -14,19 +15,28 @@ const OPSET: i64 = 17;
 const IR_VERSION: i64 = 8;
 
 /// The network as an ONNX file: `features` `[N, 13, H, W]` -> `parameters` `[N, P, H, W]`, with N, H
-/// and W free. The parameters are activated, ready for g_c.
+/// and W free. The parameters are activated, ready for g_c. Further networks have inputs and outputs of their own,
+/// `z2_features` -> `z2_parameters` and so on.
 ///
 /// # Panics
 /// When the weights do not fit the contract; [`Model::new`] checks that.
 pub fn write_network(model: &Model) -> Vec<u8> {
+    let mut graph = network_graph(model, 0);
+    for k in 1..model.contract.networks {
+        add_apart(&mut graph, network_graph(model, k), &prefix(k), &[]);
+    }
+    encode(model, graph)
+}
+
+fn network_graph(model: &Model, k: usize) -> GraphProto {
     let form = model.contract.form;
     let mut graph = GraphBuilder::new(NETWORK_GRAPH);
     graph.input("features", data_type::FLOAT, &planes(FEATURE_CHANNELS));
     graph.output("parameters", data_type::FLOAT, &planes(form.parameters()));
-    let parts = activated_parts(&mut graph, model, "features");
+    let parts = activated_parts(&mut graph, model, k, "features");
     let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
     graph.op_with("Concat", &parts, "parameters", vec![int("axis", 1)]);
-    encode(model, graph.finish())
+    graph.finish()
 }
 
 /// `[N, channels, H, W]` with N, H and W free.
@@ -34,10 +44,10 @@ pub(crate) fn planes(channels: usize) -> [Dim; 4] {
     [Dim::Named("N"), Dim::Size(channels), Dim::Named("H"), Dim::Named("W")]
 }
 
-/// Adds the convolutions and activations; returns the names of beta `[N, 9, H, W]`, gamma
+/// Adds the convolutions of network `k` and activations; returns the names of beta `[N, 9, H, W]`, gamma
 /// `[N, 5, H, W]`, tau `[N, 1, H, W]` and, in the gated form, gate `[N, 1, H, W]`.
-pub(crate) fn activated_parts(graph: &mut GraphBuilder, model: &Model, features: &str) -> Vec<String> {
-    let raw = convolutions(graph, model, features);
+pub(crate) fn activated_parts(graph: &mut GraphBuilder, model: &Model, k: usize, features: &str) -> Vec<String> {
+    let raw = convolutions(graph, model, k, features);
     let gated = model.contract.form == Form::Gated;
     let mut raw_parts = vec!["raw_beta", "raw_gamma", "raw_tau"];
     let mut sizes = vec![SLOPE_COUNT as i64, BANDWIDTH_COUNT as i64, 1];
@@ -77,13 +87,13 @@ fn softplus(graph: &mut GraphBuilder, x: &str, output: &str) -> String {
     graph.op("Add", &[&positive, &log], output)
 }
 
-fn convolutions(graph: &mut GraphBuilder, model: &Model, features: &str) -> String {
+fn convolutions(graph: &mut GraphBuilder, model: &Model, k: usize, features: &str) -> String {
     let shape = model.contract.shape;
     let mut value = features.to_string();
     for l in 0..shape.layers {
         let name = layer_name(l);
         let (inputs, outputs) = shape.channels(l);
-        let (weight, bias) = model.layer(l);
+        let (weight, bias) = model.layer(k, l);
         let weight = graph.floats(&format!("{name}.weight"), &[outputs, inputs, 3, 3], weight);
         let bias = graph.floats(&format!("{name}.bias"), &[outputs], bias);
         let attributes = vec![ints("kernel_shape", &[3, 3]), ints("pads", &[1, 1, 1, 1])];

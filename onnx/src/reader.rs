@@ -8,7 +8,7 @@ use crate::error::{Error, FileError};
 use crate::image_graph::{IMAGE_GRAPH, write_image};
 use crate::messages::{GraphProto, ModelProto, NodeProto, TensorProto, ValueInfoProto, data_type};
 use crate::metadata;
-use crate::model::{Model, layer_name};
+use crate::model::{Model, layer_name, prefix};
 use crate::network_graph::write_network;
 use prost::Message;
 use sspc_image::shown;
@@ -18,7 +18,7 @@ use std::path::Path;
 /// Size limit of a file: the largest network of the contract takes 300 kB, the image graph around it 60 kB, and the names
 /// of training frames the rest. An empty message of two bytes decodes to a structure of about a hundred, so this also
 /// bounds the memory that a file can claim, to about a hundred times its size.
-pub const MAX_FILE_BYTES: u64 = 1 << 20;
+pub const MAX_FILE_BYTES: u64 = 2 << 20;
 
 /// `TensorProto.DataLocation.EXTERNAL`.
 const EXTERNAL: i32 = 1;
@@ -66,9 +66,9 @@ pub fn load_model_and_kind(path: &Path) -> Result<(Model, GraphKind), FileError>
 pub fn read_model(bytes: &[u8]) -> Result<Model, Error> {
     let (contract, graph) = decode(bytes)?;
     let mut weights = Vec::new();
-    for l in 0..contract.shape.layers {
+    for (k, l) in (0..contract.networks).flat_map(|k| (0..contract.shape.layers).map(move |l| (k, l))) {
         let (input, output) = contract.shape.channels(l);
-        let name = layer_name(l);
+        let name = format!("{}{}", prefix(k), layer_name(l));
         append(&graph, &format!("{name}.weight"), &[output, input, 3, 3], &mut weights)?;
         append(&graph, &format!("{name}.bias"), &[output], &mut weights)?;
     }

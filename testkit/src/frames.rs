@@ -107,6 +107,7 @@ pub fn prepared(halves: [Image; 2]) -> Prepared {
         valid: None,
         set: FeatureSet::ALL,
         plan: Plan::everything(height, width),
+        variants: Vec::new(),
         found: Findings::default(),
     }
 }

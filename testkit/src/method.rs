@@ -21,7 +21,7 @@ pub fn planned<S: ParameterSource>(source: &S, features: &Image, plan: &Plan) ->
 where
     S::Error: Debug,
 {
-    tiles::parameters(source, features, plan, 0..features.height()).expect("parameters")
+    tiles::parameters(source, 0, features, plan, 0..features.height()).expect("parameters")
 }
 
 /// The same of every pixel.

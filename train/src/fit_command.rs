@@ -1,7 +1,8 @@
 //! `sspc-train fit`: read, prepare, train, correct, write.
 
 use crate::cli::FitArgs;
-use crate::fit::{Control, Fitted, Limits, fit, starting_network};
+use crate::fit::{Control, Limits};
+use crate::fits::{Fits, fit_variants, starting_networks};
 use crate::inputs::{Input, read};
 use crate::outcome::{Outcome, correct_frame};
 use crate::output_folder::OutputFolder;
@@ -12,11 +13,12 @@ use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
 use sspc_cli::record::peak_rss_bytes;
-use sspc_cli::{Failure, interrupt};
+use sspc_cli::{Code, Failure, interrupt};
 use sspc_core::estimate::Mean;
 use sspc_core::frame_sums::Verdict;
 use sspc_core::prepare::Prepared;
 use sspc_core::trust::Trust;
+use sspc_kernels::network::Network;
 use sspc_kernels::simd::Isa;
 use std::time::{Duration, Instant};
 
@@ -32,8 +34,8 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let mut settings = Settings::of(args.preset, args.seed);
     setting_overrides::apply(&args.changes, &mut settings, args.init.is_some())?;
     let initial = match &args.init {
-        Some(path) => warm_start::load(path, &mut settings)?,
-        None => starting_network(&settings),
+        Some(path) => Some(warm_start::load(path, &mut settings)?),
+        None => None,
     };
     let overrides = args.frame.overrides()?;
     let jobs = args.frame.jobs(args.reference.as_deref())?;
@@ -52,10 +54,11 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let folder = OutputFolder::open(&args.output)?;
     check_outputs(&folder, args, &overrides, &inputs)?;
 
+    let initial = initial_networks(initial, &settings, &prepared)?;
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let frames: Vec<&Prepared> = prepared.iter().collect();
     let mut progress = Progress::new(&output);
-    let fitted = fit(&frames, &settings, initial, &limits, args.backend, isa, |step| {
+    let fitted = fit_variants(&frames, &settings, initial, &limits, args.backend, isa, |step| {
         progress.step(step);
         if interrupt::asked() { Control::Stop } else { Control::Continue }
     });
@@ -66,7 +69,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let outcomes = inputs
         .iter()
         .zip(prepared)
-        .map(|(input, prepared)| correct_frame(isa, args.run.strength, &settings, &fitted.network, input, prepared))
+        .map(|(input, prepared)| correct_frame(isa, args.run.strength, &settings, &fitted.networks, input, prepared))
         .collect::<Result<Vec<Outcome>, _>>()?;
     let seconds = FitSeconds {
         read: read_seconds,
@@ -86,12 +89,33 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The networks to start from: as many as every frame has variants of z.
+fn initial_networks(
+    warm: Option<Vec<Network>>,
+    settings: &Settings,
+    prepared: &[Prepared],
+) -> Result<Vec<Network>, Failure> {
+    let count = prepared.first().map_or(1, Prepared::networks);
+    if let Some(other) = prepared.iter().map(Prepared::networks).find(|n| *n != count) {
+        let message = format!("one frame has {count} denoised pictures of each half, another {other}");
+        return Err(Failure::new(Code::Input, message, "give every frame of a shot the same ones"));
+    }
+    match warm {
+        None => Ok(starting_networks(settings, count)),
+        Some(networks) if networks.len() == count => Ok(networks),
+        Some(networks) => {
+            let message = format!("the model wants {} denoised pictures of each half, found {count}", networks.len());
+            Err(Failure::new(Code::Input, message, "give those that it was fitted with, in their order"))
+        }
+    }
+}
+
 fn report(
     args: &FitArgs,
     isa: Isa,
     settings: &Settings,
     input: &Input,
-    fitted: &Fitted,
+    fitted: &Fits,
     outcome: &Outcome,
     seconds: FitSeconds,
 ) -> FitReport {

@@ -8,6 +8,7 @@
 //! | [`tiles`], `importance` | on what to train |
 //! | [`warm_start`] | where to start, when from a model |
 //! | [`fit`] | the loop: tiles, loss, gradient, Adam |
+//! | [`fits`] | one fit for each variant of z |
 //! | [`model`], [`backend`] | the part that is Burn's |
 //! | [`combination`] | g_c, or f_c as its special case |
 //! | [`divergence_guard`] | keeps the weights finite |
@@ -24,6 +25,7 @@ pub mod divergence_guard;
 pub mod export;
 pub mod fit;
 pub mod fit_command;
+pub mod fits;
 mod importance;
 pub mod inputs;
 pub mod model;

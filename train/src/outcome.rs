@@ -1,4 +1,4 @@
-//! A fitted network's picture of a frame, and what the frame says of it.
+//! A fitted model's picture of a frame, and what the frame says of it.
 
 use crate::inputs::Input;
 use crate::preset::Settings;
@@ -32,7 +32,7 @@ pub fn correct_frame(
     isa: Isa,
     strength: f32,
     settings: &Settings,
-    network: &Network,
+    networks: &[Network],
     input: &Input,
     prepared: Prepared,
 ) -> Result<Outcome, Failure> {
@@ -46,9 +46,9 @@ pub fn correct_frame(
         judged_by_held_out: settings.leaves_pixels_out(prepared.height(), prepared.width()),
         keep_maps: input.reference.is_some(),
     };
-    let network = WindowNetwork::new(isa, settings.form, network);
+    let networks: Vec<_> = networks.iter().map(|n| WindowNetwork::new(isa, settings.form, n)).collect();
     let mut frame = PreparedFrame::new(prepared, input.stats, &input.denoised, &input.fill);
-    let corrected = correct(&mut frame, &network, &how, &interrupt::asked).map_err(|error| match error {
+    let corrected = correct(&mut frame, &networks[..], &how, &interrupt::asked).map_err(|error| match error {
         CorrectError::Interrupted => Failure::interrupted(),
         CorrectError::Bands(never) | CorrectError::Parameters(never) => match never {},
     })?;

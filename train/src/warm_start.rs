@@ -6,12 +6,12 @@ use sspc_kernels::network::Network;
 use sspc_onnx::{Model, load_model};
 use std::path::Path;
 
-/// Network of a fitted model to start from; form, window, exposure, composition and features of the
+/// Networks of a fitted model to start from; form, window, exposure, composition and features of the
 /// settings become the model's.
 ///
 /// # Errors
 /// When the file is no model.
-pub fn load(path: &Path, settings: &mut Settings) -> Result<Network, Failure> {
+pub fn load(path: &Path, settings: &mut Settings) -> Result<Vec<Network>, Failure> {
     let model = read_model(path)?;
     settings.form = model.contract.form;
     settings.shape = model.contract.shape;
@@ -19,7 +19,7 @@ pub fn load(path: &Path, settings: &mut Settings) -> Result<Network, Failure> {
     settings.exposure = model.contract.exposure;
     settings.composition = model.contract.composition;
     settings.features = model.contract.features;
-    Ok(model.network())
+    Ok(model.networks())
 }
 
 /// A fitted model.

@@ -1,7 +1,7 @@
 //! What a fit leaves behind: corrected.exr, model.onnx, report.json and previews.
 
 use crate::cli::FitArgs;
-use crate::fit::Fitted;
+use crate::fits::Fits;
 use crate::inputs::Input;
 use crate::outcome::Outcome;
 use crate::output_folder::OutputFolder;
@@ -33,7 +33,7 @@ pub struct Written<'a> {
     /// The frames.
     pub inputs: &'a [Input],
     /// The model.
-    pub fitted: &'a Fitted,
+    pub fitted: &'a Fits,
     /// The pictures, one for each frame.
     pub outcomes: &'a [Outcome],
 }
@@ -135,7 +135,7 @@ pub fn write_outputs(
     Ok(())
 }
 
-/// The fitted network with its contract.
+/// The fitted networks with their contract.
 fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Model, Failure> {
     let mut contract = Contract::new(settings.form);
     contract.shape = settings.shape;
@@ -151,7 +151,9 @@ fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Mo
     if !settings.changes.is_empty() {
         contract.extra.insert("settings_changed".into(), settings.changes.join(" "));
     }
-    Model::new(contract, fitted.network.weights.clone()).map_err(|error| Failure::new(Code::Run, error.to_string(), ""))
+    contract.networks = fitted.networks.len();
+    let weights = fitted.networks.iter().flat_map(|network| network.weights.iter().copied()).collect();
+    Model::new(contract, weights).map_err(|error| Failure::new(Code::Run, error.to_string(), ""))
 }
 
 /// How the picture was made, for its attributes.

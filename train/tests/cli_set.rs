@@ -59,7 +59,7 @@ fn a_model_of_f_c_has_its_slopes() {
     assert_eq!(report(&out)["settings"]["combination"], "fc");
     let sample = frames::sample();
     let prepared = Prepared::by_stats(&sample, &FrameStats::of(&sample, Exposure::Normalised));
-    let network = sspc_onnx::load_model(&out.join("model.onnx")).expect("a model").network();
+    let network = sspc_onnx::load_model(&out.join("model.onnx")).expect("a model").networks().remove(0);
     let planes = parameters(&window_network(Form::Gated, &network), &prepared.halves[0]);
     for slope in SLOPES..9 {
         let expected = if slope < 3 { 1.0 } else { 0.0 };

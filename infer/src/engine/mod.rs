@@ -25,8 +25,8 @@ pub struct Engine {
     model: Model,
     kernels: Kernels,
     tile: usize,
-    /// Plans by window size (height, width); a picture needs one.
-    plans: Mutex<HashMap<(usize, usize), Arc<WindowPlan>>>,
+    /// Plans by network and window size (height, width); a picture needs one for each network.
+    plans: Mutex<HashMap<(usize, usize, usize), Arc<WindowPlan>>>,
     first_tile: OnceLock<Instant>,
 }
 
@@ -46,13 +46,13 @@ impl Engine {
         self.first_tile.get().copied()
     }
 
-    fn plan(&self, height: usize, width: usize) -> Result<Arc<WindowPlan>, PlanError> {
+    fn plan(&self, k: usize, height: usize, width: usize) -> Result<Arc<WindowPlan>, PlanError> {
         let mut plans = lock(&self.plans);
-        if let Some(plan) = plans.get(&(height, width)) {
+        if let Some(plan) = plans.get(&(k, height, width)) {
             return Ok(Arc::clone(plan));
         }
-        let plan = Arc::new(WindowPlan::new(&self.model, self.kernels, height, width)?);
-        plans.insert((height, width), Arc::clone(&plan));
+        let plan = Arc::new(WindowPlan::new(&self.model.of_network(k), self.kernels, height, width)?);
+        plans.insert((k, height, width), Arc::clone(&plan));
         Ok(plan)
     }
 }
@@ -64,12 +64,16 @@ impl ParameterSource for Engine {
         self.model.contract.shape
     }
 
+    fn networks(&self) -> usize {
+        self.model.contract.networks
+    }
+
     fn tile(&self) -> usize {
         self.tile
     }
 
-    fn window(&self, features: Image, wanted: Region) -> Result<Image, PlanError> {
-        let parameters = self.plan(features.height(), features.width())?.run(features, wanted)?;
+    fn window(&self, k: usize, features: Image, wanted: Region) -> Result<Image, PlanError> {
+        let parameters = self.plan(k, features.height(), features.width())?.run(features, wanted)?;
         self.first_tile.get_or_init(Instant::now);
         Ok(parameters)
     }

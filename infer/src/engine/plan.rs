@@ -37,7 +37,7 @@ pub(super) struct WindowPlan {
 }
 
 impl WindowPlan {
-    /// Prepares windows `[13, height, width]`. The graph is written anew from the checked model, so
+    /// Prepares windows `[13, height, width]` for a model of one network. The graph is written anew from the checked model, so
     /// tract never reads the bytes of a stranger's file.
     pub fn new(model: &Model, kernels: Kernels, height: usize, width: usize) -> Result<Self, PlanError> {
         let prepare = || -> TractResult<_> {
@@ -47,7 +47,7 @@ impl WindowPlan {
                 .with_input_fact(0, f32::fact([1, FEATURE_CHANNELS, height, width]).into())?
                 .into_typed()?;
             if let Kernels::Fused(isa) = kernels {
-                let network = WindowNetwork::new(isa, model.contract.form, &model.network());
+                let network = WindowNetwork::new(isa, model.contract.form, &model.networks()[0]);
                 fuse(&mut graph, Arc::new(network))?;
             }
             graph.into_optimized()?.into_runnable()

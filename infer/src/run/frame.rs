@@ -83,6 +83,11 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     say_what_was_read(shared, job, &frame);
 
     let ReadFrame { source, stats, roles, warnings, .. } = frame;
+    let found = source.variants().max(1);
+    if found != contract.networks {
+        let message = format!("the model wants {} denoised pictures of each half, found {found}", contract.networks);
+        return Err(Failure::new(Code::Input, message, "give those that it was fitted with, in their order"));
+    }
     let stats = stats.with_features_of(contract.features);
     let how = CorrectionSettings {
         isa,

@@ -35,7 +35,7 @@ fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 
 fn our_parameters(features: &Image) -> Image {
     let everything = Plan::everything(features.height(), features.width());
-    corrector::parameters(Isa::best(), Form::Gated, &model::model().network(), features, &everything)
+    corrector::parameters(Isa::best(), Form::Gated, &model::model().networks()[0], features, &everything)
 }
 
 /// Every value, relative to the largest of its plane.
