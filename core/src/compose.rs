@@ -234,7 +234,9 @@ impl Corrections {
 
     fn divide(&mut self, by: usize) {
         let factor = 1.0 / by as f32;
-        self.images().into_iter().for_each(|image| image.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v *= factor)));
+        self.images()
+            .into_iter()
+            .for_each(|image| image.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v *= factor)));
     }
 
     /// Puts z where nothing was computed: the variants' differ from it.

@@ -84,7 +84,8 @@ impl Prepared {
         let halves = [half(&frame.a), half(&frame.b)];
         let denoised = colour(&baseline(frame), stats.exposure, &valid);
         let ground = [&frame.a.denoised, &frame.b.denoised, &*baseline(frame)];
-        let variants = frame.variants.iter().map(|v| Arc::new(Variant::new(v, ground, stats.exposure, &valid))).collect();
+        let variants =
+            frame.variants.iter().map(|v| Arc::new(Variant::new(v, ground, stats.exposure, &valid))).collect();
         Self { variants, ..Self::of_parts(halves, denoised, valid, stats) }
     }
 

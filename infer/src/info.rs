@@ -7,7 +7,7 @@ use sspc_core::composition::Composition;
 use sspc_core::frame_stats::Exposure;
 use sspc_kernels::features::{CHANNEL_NAMES, FeatureSet};
 use sspc_kernels::parameters::Form;
-use sspc_onnx::{ACTIVATIONS, CONTRACT_VERSION, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind};
+use sspc_onnx::{ACTIVATIONS, GraphKind, Model, PADDING, exposure_rule, load_model_and_kind};
 use std::path::PathBuf;
 
 /// The arguments of `info`.
@@ -34,13 +34,14 @@ fn describe(model: &Model, kind: GraphKind) -> String {
     let c = &model.contract;
     let mut lines = vec![
         ("graph", graph_words(kind)),
-        ("contract", format!("version {CONTRACT_VERSION}")),
+        ("contract", format!("version {}", c.version())),
         ("form", form_words(c.form).into()),
         ("picture", picture_words(c.composition).into()),
         (
             "network",
             format!(
-                "{} convolutions 3x3, {} hidden channels, {} weights ({} kB)",
+                "{}{} convolutions 3x3, {} hidden channels, {} weights ({} kB)",
+                if c.networks > 1 { format!("{}, one for each denoised picture: ", c.networks) } else { String::new() },
                 c.shape.layers,
                 c.shape.hidden,
                 model.weights.len(),

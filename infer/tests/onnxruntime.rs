@@ -8,7 +8,7 @@ use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_frames::{FrameFiles, RoleOverrides};
-use sspc_image::{Frame, Image};
+use sspc_image::{DenoisedVariant, Frame, HalfBuffer, Image};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
@@ -94,6 +94,52 @@ fn onnxruntime_gives_what_our_engine_gives() {
         let theirs = read_image(at("corrected.f32"), 3, height, width, 0);
         assert_images_close(&theirs, &ours, IMAGE_TOLERANCE, &format!("{form:?} {height}x{width} picture"));
     }
+}
+
+#[test]
+fn onnxruntime_gives_the_mean_over_several_networks() {
+    let Some(python) = python(WHAT) else { return };
+    let (height, width) = (21, 18);
+    let Model { mut contract, weights } = model(Form::Gated, 8, 3);
+    contract.networks = 2;
+    let other = weights.iter().map(|w| 0.5 * w);
+    let model = Model::new(contract, weights.iter().copied().chain(other).collect()).expect("a model");
+    let halves = [features(height, width), features(height, width + 1).crop(0, 1, height, width)];
+    let mut frame = frame_of(&halves);
+    let own = [&frame.a.denoised, &frame.b.denoised].map(Clone::clone);
+    let brighter = own.each_ref().map(|z| Image::from_fn(3, height, width, |c, y, x| 0.1 + z.at(c, y, x)));
+    frame.variants = [own, brighter].map(|halves| DenoisedVariant { halves, full: None }).into();
+
+    let folder = tempfile::tempdir().expect("folder");
+    std::fs::write(folder.path().join("image.onnx"), write_image(&model)).expect("model");
+    let pair = |of: &dyn Fn(&HalfBuffer) -> Option<&Image>| {
+        let images = [&frame.a, &frame.b].map(|half| of(half).expect("a picture"));
+        images.iter().flat_map(|image| image.data().iter().copied()).collect::<Vec<f32>>()
+    };
+    let second: Vec<f32> = frame.variants[1].halves.iter().flat_map(|z| z.data().iter().copied()).collect();
+    let arrays = [
+        ("radiance", 3, pair(&|half| Some(&half.radiance))),
+        ("denoised", 3, pair(&|half| Some(&half.denoised))),
+        ("z2_denoised", 3, second),
+        ("albedo", 3, pair(&|half| half.albedo.as_ref())),
+        ("normal", 3, pair(&|half| half.normal.as_ref())),
+        ("visibility", 1, pair(&|half| half.visibility.as_ref())),
+    ];
+    let mut script = String::from("import numpy as np, onnxruntime\ninputs = {'exposure': np.ones(1, np.float32)}\n");
+    for (name, channels, values) in arrays {
+        write_floats(folder.path().join(format!("{name}.f32")), &values);
+        script += &format!(
+            "inputs['{name}'] = np.fromfile('{name}.f32', np.float32).reshape(2, {channels}, {height}, {width})\n"
+        );
+    }
+    script += "onnxruntime.InferenceSession('image.onnx').run(None, inputs)[0].tofile('corrected.f32')\n";
+    std::fs::write(folder.path().join("run.py"), script).expect("script");
+    run_python(&python, folder.path(), &folder.path().join("run.py"));
+
+    let engine = Engine::new(model, Kernels::Tract, 16);
+    let ours = mean_of_halves(&frame, Exposure::AsIs, &engine);
+    let theirs = read_image(folder.path().join("corrected.f32"), 3, height, width, 0);
+    assert_images_close(&theirs, &ours, IMAGE_TOLERANCE, "two networks");
 }
 
 #[test]

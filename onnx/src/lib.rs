@@ -14,7 +14,9 @@ mod network_graph;
 mod reader;
 mod window_sum;
 
-pub use contract::{ACTIVATIONS, CONTRACT_VERSION, Contract, MAX_LAYERS, MAX_NETWORKS, PADDING, exposure_rule, form_name};
+pub use contract::{
+    ACTIVATIONS, CONTRACT_VERSION, Contract, MAX_LAYERS, MAX_NETWORKS, PADDING, exposure_rule, form_name,
+};
 pub use error::{Error, FileError};
 pub use image_graph::write_image;
 pub use model::Model;

@@ -44,7 +44,11 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     .map(|(key, value)| (format!("{PREFIX}{key}"), value));
     let networks = (contract.networks > 1).then(|| (format!("{PREFIX}networks"), contract.networks.to_string()));
     let extra = contract.extra.iter().map(|(k, v)| (format!("{EXTRA}{k}"), v.clone()));
-    extra.chain(networks).chain(required).map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) }).collect()
+    extra
+        .chain(networks)
+        .chain(required)
+        .map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) })
+        .collect()
 }
 
 /// Reads the entries back.

@@ -44,6 +44,37 @@ fn both_graphs_give_the_model_back_to_the_bit() {
     }
 }
 
+/// Networks of their own weights.
+fn several(form: Form, networks: usize) -> Model {
+    let Model { mut contract, weights } = small(form);
+    contract.networks = networks;
+    let of = |k: usize| weights.iter().map(move |w| w * (k + 1) as f32).collect::<Vec<f32>>();
+    Model::new(contract, (0..networks).flat_map(of).collect()).unwrap()
+}
+
+#[test]
+fn several_networks_come_back_in_their_order() {
+    for (form, networks) in [(Form::Gated, 2), (Form::Paper, 3), (Form::Gated, MAX_NETWORKS)] {
+        let model = several(form, networks);
+        for bytes in [write_network(&model), write_image(&model)] {
+            let found = read_model(&bytes).unwrap();
+            assert_eq!(found, model);
+            assert_eq!(found.networks().len(), networks);
+            assert_eq!(found.of_network(1).weights[0], 2.0 * model.weights[0]);
+        }
+    }
+}
+
+#[test]
+fn only_several_networks_need_the_second_version() {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (one, two) = (write_network(&several(Form::Gated, 1)), write_network(&several(Form::Gated, 2)));
+    assert!(!text(&one).contains("sspc.networks") && text(&two).contains("sspc.networks"));
+    assert_eq!((small(Form::Gated).contract.version(), several(Form::Gated, 2).contract.version()), (1, 2));
+    let nan = Model { weights: vec![f32::NAN; several(Form::Gated, 2).weights.len()], ..several(Form::Gated, 2) };
+    assert!(Model::new(nan.contract, nan.weights).is_err());
+}
+
 #[test]
 fn equal_models_give_equal_bytes() {
     let model = small(Form::Gated);

@@ -58,7 +58,12 @@ pub fn settings(contract: &Contract) -> CorrectionSettings {
 ///
 /// # Panics
 /// When the source fails.
-pub fn correct<S: ParameterSource>(frame: &Frame, stats: FrameStats, source: &S, how: &CorrectionSettings) -> Corrected
+pub fn correct<S: ParameterSource + ?Sized>(
+    frame: &Frame,
+    stats: FrameStats,
+    source: &S,
+    how: &CorrectionSettings,
+) -> Corrected
 where
     S::Error: Debug,
 {

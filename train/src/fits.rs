@@ -52,7 +52,8 @@ pub fn fit_variants(
 ) -> Fits {
     let start = Instant::now();
     let count = initial.len();
-    let nothing = Fits { networks: Vec::new(), history: Vec::new(), planned: 0, dropped: 0, end: End::AllSteps, seconds: 0.0 };
+    let nothing =
+        Fits { networks: Vec::new(), history: Vec::new(), planned: 0, dropped: 0, end: End::AllSteps, seconds: 0.0 };
     let mut fits = initial.into_iter().enumerate().fold(nothing, |mut fits, (k, network)| {
         if fits.end == End::Interrupted {
             fits.networks.push(network);
@@ -68,7 +69,8 @@ pub fn fit_variants(
                 let of = before + (count - k) * step.of;
                 observe(&StepRecord { step: before + step.step, of, seconds: start.elapsed().as_secs_f64(), ..*step })
             });
-        let told = |step: StepRecord| StepRecord { step: before + step.step, of: before + (count - k) * step.of, ..step };
+        let told =
+            |step: StepRecord| StepRecord { step: before + step.step, of: before + (count - k) * step.of, ..step };
         fits.history.extend(history.into_iter().map(told));
         fits.networks.push(network);
         fits.planned += planned;

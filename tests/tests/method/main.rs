@@ -3,3 +3,4 @@
 mod bands;
 mod kernels;
 mod objective;
+mod variants;
