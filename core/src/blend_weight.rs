@@ -19,6 +19,10 @@ use sspc_kernels::features::DENOISED;
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub(crate) const WEIGHT_RADIUS: usize = 15;
 
+/// Largest share of a correction. Above 1, since a correction that was trained on half the samples is too timid for the
+/// full buffer's.
+pub const LARGEST_SHARE: f32 = 1.3;
+
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
 #[derive(Clone)]
 pub(crate) struct Evidence {
@@ -55,14 +59,14 @@ impl Evidence {
         self
     }
 
-    /// min(1, Σ w r·d / Σ w d²), floored at 0.
+    /// Σ w r·d / Σ w d², from 0 to [`LARGEST_SHARE`].
     pub fn share(self) -> Image {
         // Each image goes when its mean is there.
         let mean = |image: Image| box_mean(&image, WEIGHT_RADIUS);
         let (agreement, size) = (mean(mean(self.agreement)), mean(mean(self.size)));
         let share = |y: usize, x: usize| {
             let d = size.at(0, y, x);
-            if d > 0.0 { (agreement.at(0, y, x) / d).clamp(0.0, 1.0) } else { 0.0 }
+            if d > 0.0 { (agreement.at(0, y, x) / d).clamp(0.0, LARGEST_SHARE) } else { 0.0 }
         };
         Image::from_rows(1, size.height(), size.width(), |_, y, row| {
             row.iter_mut().enumerate().for_each(|(x, s)| *s = share(y, x));
@@ -101,7 +105,9 @@ mod tests {
     fn the_share_is_what_of_a_correction_leads_to_the_truth() {
         let prepared = without_noise(4, 6);
         // How far the correction goes, the truth at 1, and the share that is best.
-        for (far, best) in [(1.0, 1.0), (2.0, 0.5), (4.0, 0.25), (0.5, 1.0), (-1.0, 0.0), (0.0, 0.0)] {
+        for (far, best) in
+            [(1.0, 1.0), (2.0, 0.5), (4.0, 0.25), (0.5, LARGEST_SHARE), (0.8, 1.25), (-1.0, 0.0), (0.0, 0.0)]
+        {
             let corrected = || Image::filled(3, 4, 6, Z + far * (TRUTH - Z));
             let share = Evidence::of(&prepared, &[corrected(), corrected()]).share();
             assert!(share.data().iter().all(|s| (s - best).abs() < 1e-6), "{far}: {:?}", share.data());

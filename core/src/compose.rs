@@ -10,6 +10,7 @@ use crate::corrector::correct;
 use crate::estimate;
 use crate::frame_sums::FrameSums;
 use crate::objective::triple;
+use crate::outlier_limit::{LIMIT_RADIUS, limit_outliers};
 use crate::plan::{BLOCK_ROWS, Plan};
 use crate::prepare::{Guides, Prepared};
 use crate::tiles::{ParameterSource, parameters};
@@ -34,7 +35,7 @@ const PARAMETER_BYTES: usize = 16 << 20;
 pub struct Band {
     /// Share times correction of the band's rows, in the method's units, `[3, rows, W]`.
     pub correction: Image,
-    /// Share of the correction that was used, strength included, 0..1, `[1, rows, W]`.
+    /// Share of the correction that was used, strength included, 0..1.3, `[1, rows, W]`.
     pub share: Image,
     /// Mean of both halves, corrected as far as they judge each other, in the method's units, `[3, rows, W]`: the
     /// picture that the estimate is of.
@@ -62,12 +63,12 @@ pub struct Composer<'a> {
 }
 
 impl Composer<'_> {
-    /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window and the two box
-    /// means of the blend weight.
+    /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window, the two box means of
+    /// the blend weight and that of the outlier limit.
     pub fn margin(&self) -> usize {
         match self.composition {
             Composition::MeanOfHalves => self.taps.radius(),
-            Composition::JudgedFullBuffer => self.taps.radius() + 2 * WEIGHT_RADIUS,
+            Composition::JudgedFullBuffer => self.taps.radius() + 2 * WEIGHT_RADIUS + LIMIT_RADIUS,
         }
     }
 
@@ -97,6 +98,9 @@ impl Composer<'_> {
                 evidence.share()
             }
         };
+        if self.composition == Composition::JudgedFullBuffer {
+            limit_outliers(prepared, &halves, &share, &mut picture);
+        }
         share = self.weaken(share);
         // The results take the place of what they are made of.
         for top in rows.clone().step_by(ROWS_AT_ONCE) {

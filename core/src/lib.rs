@@ -14,6 +14,7 @@
 //! | [`tiles`] | features to parameters, tile by tile |
 //! | [`corrector`] | parameters to g_c over a picture |
 //! | `blend_weight` | how much of a correction is kept, pixel by pixel |
+//! | `outlier_limit` | fireflies that only the full buffer has |
 //! | [`composition`] | what a picture is made of |
 //! | [`compose`] | corrected halves to the finished rows |
 //! | [`held_out`] | pixels that training leaves out, to judge it by |
@@ -38,6 +39,7 @@ pub mod frame_sums;
 pub mod held_out;
 pub mod independence;
 pub mod objective;
+mod outlier_limit;
 pub mod plan;
 pub mod prepare;
 pub mod rng;

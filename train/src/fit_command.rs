@@ -54,6 +54,9 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let folder = OutputFolder::open(&args.output)?;
     check_outputs(&folder, args, &overrides, &inputs)?;
 
+    if args.init.is_none() {
+        settings = settings.shared_by(prepared.first().map_or(1, Prepared::networks));
+    }
     let initial = initial_networks(initial, &settings, &prepared)?;
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let frames: Vec<&Prepared> = prepared.iter().collect();

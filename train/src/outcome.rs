@@ -18,7 +18,7 @@ pub struct Outcome {
     pub corrected: Image,
     /// The judgement of the whole.
     pub verdict: Verdict,
-    /// Mean share of the correction that was used, as weights and strength have it, 0..1.
+    /// Mean share of the correction that was used, as weights and strength have it, 0..1.3.
     pub mean_share: f64,
     /// Against the reference, where there is one.
     pub rel_l2: Option<RelL2>,
