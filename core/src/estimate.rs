@@ -280,7 +280,7 @@ mod tests {
         let plan = Plan::everything(height, width);
         let halves = halves.map(std::sync::Arc::new);
         let (set, found) = (FeatureSet::NONE, Findings::default());
-        (Prepared { exposure: 1.0, halves, denoised, valid: None, set, plan, found }, z, expected)
+        (Prepared { exposure: 1.0, halves, denoised, valid: None, set, variants: Vec::new(), plan, found }, z, expected)
     }
 
     /// Under weights of the half compared with, this estimate is -4 times the error.
