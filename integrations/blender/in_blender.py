@@ -148,8 +148,10 @@ class Correct(unittest.TestCase):
         self.assertEqual((state().level, state().message.split(",")[0]), ("INFO", f"Corrected the frame in {folder}"))
 
         # The halves are what they should be: other noise, half of the samples, both denoised.
-        halves = {half: {name: passes(folder / f"{half}.0002.exr", name) for name in ("Noisy Image", "Combined")}
-                  for half in "ab"}
+        halves = {
+            half: {name: passes(folder / f"{half}.0002.exr", name) for name in ("Noisy Image", "Combined")}
+            for half in "ab"
+        }
         noisy, denoised = ({half: halves[half][name] for half in "ab"} for name in ("Noisy Image", "Combined"))
         self.assertGreater(np.abs(noisy["a"] - noisy["b"]).mean(), 2 * np.abs(denoised["a"] - denoised["b"]).mean())
         # And the picture is better than both together denoised.
@@ -290,7 +292,9 @@ class Register(unittest.TestCase):
         bpy.ops.preferences.addon_enable(module=PACKAGE)
 
     def everything(self):
-        found = set(dir(bpy.types)) | {f"op {name}" for area in ("sspc", "render") for name in dir(getattr(bpy.ops, area))}
+        found = set(dir(bpy.types)) | {
+            f"op {name}" for area in ("sspc", "render") for name in dir(getattr(bpy.ops, area))
+        }
         for owner in (bpy.types.Scene, bpy.types.WindowManager):
             found |= {f"{owner.__name__}.{setting.identifier}" for setting in owner.bl_rna.properties}
         for name in dir(bpy.app.handlers):

@@ -45,7 +45,9 @@ class Correction:
         self.frames = list(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
         if not animation:
             self.frames = [scene.frame_current]
-        self.train, self.infer = (programs.find(f"sspc-{name}", programs_folder(context)) for name in ("train", "infer"))
+        self.train, self.infer = (
+            programs.find(f"sspc-{name}", programs_folder(context)) for name in ("train", "infer")
+        )
         self.saved = self.folder() if animation or self.settings.save or self.settings.keep else None
         self.total = 2 * len(self.frames) + (2 if animation else 1)
         self.message, self.level = "", "INFO"
