@@ -1,7 +1,8 @@
-"""The job type under node, with a stand-in of what Flamenco's manager gives to scripts; and its tasks done for real where
-there is Blender: `python3 -m unittest integrations/flamenco/test_flamenco.py`.
+"""The job type under node, with a stand-in of what Flamenco's manager gives to scripts; and its tasks, done for real.
 
-SSPC_BLENDER_PYTHON names interpreters that have bpy, separated as in PATH.
+    python3 -m unittest integrations/flamenco/test_flamenco.py
+
+The latter needs Blender: SSPC_BLENDER_PYTHON names interpreters that have bpy, separated as in PATH.
 """
 
 import importlib.util

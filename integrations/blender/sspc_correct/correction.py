@@ -65,7 +65,7 @@ class Correction:
         return path
 
     def steps(self):
-        """The renders and programs in order; closing it at any of them restores the scene and removes what is unfinished."""
+        """The renders and programs in order; closing it at any of them restores the scene and removes what was begun."""
         # Halves of an animation are large: beside the pictures rather than in a folder that may lie in memory.
         place = self.saved if self.animation else None
         with tempfile.TemporaryDirectory(prefix="sspc-", dir=place, ignore_cleanup_errors=True) as scratch:
@@ -144,7 +144,8 @@ class Correction:
         ratios = [it["corrected"]["value"] / it["denoised"]["value"] for it in estimates if it["denoised"]["value"] > 0]
         mean = f", estimated error {sum(ratios) / len(ratios):.2f} of the denoiser's" if ratios else ""
         where = f" in {self.saved}" if self.saved else ""
-        self.message = f"Corrected {'%d frames' % len(reports) if several else 'the frame'}{where}{mean}"
+        what = f"{len(reports)} frames" if several else "the frame"
+        self.message = f"Corrected {what}{where}{mean}"
 
 
 def shot(scratch, frames):
