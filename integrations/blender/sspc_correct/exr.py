@@ -119,7 +119,7 @@ def pixels(data, part, offsets, names, skipped):
 
 
 def unpacked(packed, size):
-    """A chunk's bytes: stored as they are where ZIP would not shrink them, else as deflated differences of split bytes."""
+    """A chunk's bytes: stored as they are where ZIP would not shrink them, else deflated differences of split bytes."""
     if len(packed) == size:
         return bytes(packed)
     differences = np.frombuffer(zlib.decompress(packed), np.uint8)
