@@ -35,7 +35,7 @@ def setUpModule():
 
 def scene_with_texture(engine="CYCLES"):
     """A lit floor with fine stripes and three balls, one of them glossy; few samples, so that there is noise."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=12)
     bpy.context.object.data.materials.append(material("stripes", 0.6))

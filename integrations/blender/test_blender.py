@@ -1,7 +1,7 @@
 """Tests of the Blender extension: `python3 -m unittest integrations/blender/test_blender.py`.
 
 Those inside Blender need an interpreter with bpy (`pip install bpy`), this one or those that SSPC_BLENDER_PYTHON names,
-separated as in PATH.
+separated as in PATH; those of the interface a Blender that can open a window, which SSPC_BLENDER names.
 """
 
 import importlib.util
@@ -66,20 +66,34 @@ class Blender(unittest.TestCase):
             testing.skip(self, "no bpy; `pip install bpy`, or let SSPC_BLENDER_PYTHON name an interpreter that has it")
         for python in found:
             with self.subTest(python=python), tempfile.TemporaryDirectory() as folder:
-                resources, scratch = Path(folder, "resources"), Path(folder, "scratch")
-                resources.mkdir()
-                scratch.mkdir()
-                own = {"BLENDER_USER_RESOURCES": str(resources), "SSPC_SCRATCH": str(scratch)}
-                done = subprocess.run(
-                    [python, "-m", "unittest", "-v", "integrations/blender/in_blender.py"],
-                    cwd=testing.ROOT,
-                    env=testing.environment(**own),
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    text=True,
-                    errors="replace",
-                )
-                self.assertEqual(done.returncode, 0, done.stdout[-20000:])
+                self.run_inside([python, "-m", "unittest", "-v", "integrations/blender/in_blender.py"], Path(folder))
+
+    def test_beside_the_interface(self):
+        blender = os.environ.get("SSPC_BLENDER")
+        if not blender:
+            testing.skip(self, "SSPC_BLENDER names no Blender that can open a window")
+        with tempfile.TemporaryDirectory() as folder:
+            script = HERE / "in_interface.py"
+            said = self.run_inside([blender, "--factory-startup", "--python", script], Path(folder))
+            self.assertIn("in_interface: all as expected", said)
+
+    def run_inside(self, command, folder):
+        """Runs Blender with folders of its own; what it said."""
+        resources, scratch = folder / "resources", folder / "scratch"
+        resources.mkdir()
+        scratch.mkdir()
+        own = {"BLENDER_USER_RESOURCES": str(resources), "SSPC_SCRATCH": str(scratch)}
+        done = subprocess.run(
+            command,
+            cwd=testing.ROOT,
+            env=testing.environment(**own),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+        self.assertEqual(done.returncode, 0, done.stdout[-20000:])
+        return done.stdout
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ class Correction:
         return path
 
     def steps(self):
-        """The renders and programs in order; closed at any of them, it restores the scene and removes what was begun."""
+        """The renders and programs in order; closed at any of them, it restores the scene and removes what it began."""
         # Halves of an animation are large: beside the pictures rather than in a folder that may lie in memory.
         place = self.saved if self.animation else None
         with tempfile.TemporaryDirectory(prefix="sspc-", dir=place, ignore_cleanup_errors=True) as scratch:

@@ -9,6 +9,15 @@ LARGEST_SEED = 0x7FFFFFFF
 IMAGE_SETTINGS = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec", "color_management")
 
 
+def has_denoiser():
+    """Whether this Blender's Cycles can denoise; some builds of distributions cannot."""
+    try:
+        import _cycles
+    except ImportError:
+        return False
+    return getattr(_cycles, "with_openimagedenoise", True)
+
+
 class Unfit(Exception):
     """The scene cannot be rendered in halves; says why and what to do."""
 
@@ -47,6 +56,8 @@ class Halves:
             raise Unfit("The scene does not render with Cycles: choose Cycles as its render engine")
         if scene.render.use_multiview:
             raise Unfit("Stereoscopy is on: switch it off, or correct the files of each view with sspc itself")
+        if not has_denoiser():
+            raise Unfit("This Blender was built without Open Image Denoise: take one of blender.org")
         self.scene, self.split, self.borrowed = scene, split, Borrowed()
         self.seed = scene.cycles.seed
 
