@@ -1,7 +1,7 @@
-"""Tests of the operator beside Blender's interface: `blender --factory-startup --python integrations/blender/in_interface.py`.
+"""Tests of the operator beside Blender's interface: `blender --factory-startup --python in_interface.py`.
 
-test_blender.py runs it where SSPC_BLENDER names a Blender that can open a window. SSPC_SCRATCH names an empty folder, where
-screenshots stay. Each step below waits for the one before; the exit code tells whether all was as expected.
+test_blender.py runs it where SSPC_BLENDER names a Blender that can open a window. SSPC_SCRATCH names an empty folder,
+where screenshots stay. Each step below waits for the one before; the exit code tells whether all was as expected.
 """
 
 import importlib

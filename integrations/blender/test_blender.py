@@ -46,6 +46,17 @@ class Reader(unittest.TestCase):
                     found = exr.read(path, [name])[..., 0]
                     np.testing.assert_array_equal(found, channel.pixels.astype(np.float32), f"{path} {name}")
 
+    def test_what_is_written_is_what_was_given(self):
+        exr, random = loaded("exr"), np.random.default_rng(1)
+        with tempfile.TemporaryDirectory() as folder:
+            for height, width in ((1, 1), (16, 5), (35, 7)):
+                path = Path(folder, f"{height}.exr")
+                picture = random.normal(size=(height, width, 4)).astype(np.float32)
+                picture[: height // 2] = 0.5
+                exr.write(path, picture)
+                np.testing.assert_array_equal(OpenEXR.File(str(path)).channels()["RGBA"].pixels, picture)
+                np.testing.assert_array_equal(exr.read(path, "RGBA"), picture)
+
     def test_bad_files_are_refused(self):
         exr = loaded("exr")
         good = SAMPLES[0].read_bytes()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from . import picture, programs
+from . import exr, picture, programs
 from .halves import halves
 from .settings import programs_folder
 
@@ -107,10 +107,11 @@ class Correction:
         for frame in self.frames:
             file, report = self.result(scratch, frame)
             reports[frame] = json.loads(report.read_text(encoding="utf-8"))
-            pixels = picture.read(file, reports[frame])
-            image = picture.show(pixels, frame)
-            if self.saved and (self.animation or self.settings.save):
-                picture.save(image, self.saved / f"{NAME}.{frame:04}.exr")
+            pixels, saved = picture.read(file, reports[frame]), None
+            if self.animation or self.settings.save:
+                saved = self.saved / f"{NAME}.{frame:04}.exr"
+                exr.write(saved, pixels)
+            picture.show(pixels, saved)
             if self.settings.keep:
                 shutil.copyfile(file, self.saved / f"{NAME}-passes.{frame:04}.exr")
                 for half in "ab":
@@ -134,7 +135,7 @@ class Correction:
         notes = []
         for frame, report in reports.items():
             of = f"frame {frame}: " if several else ""
-            if report["fallback"]:
+            if report.get("fallback"):
                 notes.append(f"{of}the picture is the denoiser's: {report['fallback']}")
             notes += [of + note for note in report["warnings"] if "halves show different things" in note]
         if notes:

@@ -1,4 +1,7 @@
-"""Reads channels of the OpenEXR files that this extension has written: scan lines, ZIP or uncompressed."""
+"""Channels of OpenEXR files, read and written exactly: scan lines, ZIP or uncompressed.
+
+Blender gives scripts no passes of a file, and saves images through its colour management.
+"""
 
 import struct
 import zlib
@@ -8,8 +11,9 @@ import numpy as np
 MAGIC = 20000630
 MULTIPART, UNREADABLE = 0x1000, 0x200 | 0x800
 TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
+ZIP = 3
 # Lines of a chunk for the compressions none, ZIPS and ZIP.
-LINES = {0: 1, 2: 1, 3: 16}
+LINES = {0: 1, 2: 1, ZIP: 16}
 
 
 class Unreadable(Exception):
@@ -129,3 +133,51 @@ def unpacked(packed, size):
     raw = np.empty(size, np.uint8)
     raw[0::2], raw[1::2] = np.split(values.astype(np.uint8), [(size + 1) // 2])
     return raw.tobytes()
+
+
+def write(path, picture):
+    """Writes RGBA of shape (height, width, 4), the top row first, as full floats; under another name first."""
+    height, width = picture.shape[:2]
+    names, zip_lines = "ABGR", LINES[ZIP]
+    channels = b"".join(name.encode() + struct.pack("<x4i", 2, 0, 1, 1) for name in names) + b"\0"
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    attributes = [
+        ("channels", "chlist", channels),
+        ("compression", "compression", bytes([ZIP])),
+        ("dataWindow", "box2i", window),
+        ("displayWindow", "box2i", window),
+        ("lineOrder", "lineOrder", b"\0"),
+        ("pixelAspectRatio", "float", struct.pack("<f", 1)),
+        ("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)),
+        ("screenWindowWidth", "float", struct.pack("<f", 1)),
+    ]
+    head = struct.pack("<II", MAGIC, 2)
+    for name, kind, value in attributes:
+        head += f"{name}\0{kind}\0".encode() + struct.pack("<i", len(value)) + value
+    head += b"\0"
+    # By line, and in a line by channel in the order of their names.
+    planes = np.ascontiguousarray(picture[..., ["RGBA".index(name) for name in names]].transpose(0, 2, 1), "<f4")
+    blocks = []
+    for top in range(0, height, zip_lines):
+        block = packed(planes[top : top + zip_lines].tobytes())
+        blocks.append(struct.pack("<ii", top, len(block)) + block)
+    at, offsets = len(head) + 8 * len(blocks), []
+    for block in blocks:
+        offsets.append(at)
+        at += len(block)
+    unfinished = path.with_name(f".{path.name}.part")
+    try:
+        unfinished.write_bytes(b"".join([head, struct.pack(f"<{len(offsets)}Q", *offsets), *blocks]))
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def packed(raw):
+    """The inverse of `unpacked`."""
+    data = np.frombuffer(raw, np.uint8)
+    split = np.concatenate([data[0::2], data[1::2]]).astype(np.int64)
+    differences = np.diff(split, prepend=split[:1]) + 128
+    differences[:1] = split[:1]
+    small = zlib.compress(differences.astype(np.uint8).tobytes())
+    return small if len(small) < len(raw) else raw

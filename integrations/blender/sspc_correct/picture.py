@@ -1,4 +1,4 @@
-"""The corrected picture in Blender: read from its file, shown as an image, saved without the other passes."""
+"""The corrected picture in Blender: read from the programs' file, and shown as an image."""
 
 import bpy
 import numpy as np
@@ -10,48 +10,37 @@ IMAGE = "sspc corrected"
 
 
 def read(path, report):
-    """The picture as (height, width, 4), the bottom row first, with the alpha of its pass."""
-    colour = next(
-        role["channels"] for role in report["roles"] if role["role"] == "radiance" and role["buffer"] == "half a"
-    )
-    alpha = colour[0][:-1] + "A"
+    """The picture as (height, width, 4), the top row first, with the alpha of its pass."""
+    noisy = [role for role in report["roles"] if role["role"] == "noisy colour" and role["buffer"] == "half a"]
+    # The programs put the picture where compositors look for it, into the pass Combined of the noisy colour's layer.
+    layer = noisy[0]["channels"][0].rpartition(".")[0].rpartition(".")[0]
+    colour, alpha = [f"{layer}.Combined.{component}" for component in "RGB"], f"{layer}.Combined.A"
     try:
         pixels = exr.read(path, [*colour, alpha])
     except exr.Missing:
         pixels = exr.read(path, colour)
         pixels = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1)
-    return np.ascontiguousarray(pixels[::-1])
+    return pixels
 
 
-def show(pixels, frame):
-    """The image `sspc corrected` with these pixels, in the first Image Editor."""
-    height, width = pixels.shape[:2]
-    image = bpy.data.images.get(IMAGE)
-    if image and (tuple(image.size) != (width, height) or not image.is_float):
-        bpy.data.images.remove(image)
-        image = None
-    if not image:
+def show(pixels, path):
+    """The image `sspc corrected`: the file at `path` where it was saved, else these pixels; in an Image Editor."""
+    old = bpy.data.images.get(IMAGE)
+    if path:
+        image = bpy.data.images.load(str(path))
+    else:
+        height, width = pixels.shape[:2]
         image = bpy.data.images.new(IMAGE, width, height, alpha=True, float_buffer=True)
-    image.alpha_mode = "PREMUL"
-    image.pixels.foreach_set(pixels.ravel())
-    image["frame"] = frame
-    image.update()
+        image.alpha_mode = "PREMUL"
+        image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1]).ravel())
+        image.update()
+    if old:
+        # Whatever shows the last picture shows this one.
+        old.user_remap(image)
+        bpy.data.images.remove(old)
+    image.name = IMAGE
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR":
                 area.spaces.active.image = image
-                return image
-    return image
-
-
-def save(image, path):
-    """Writes the image as an OpenEXR file, under another name first."""
-    unfinished = path.with_name(f".{path.name}.part.exr")
-    image.file_format = "OPEN_EXR"
-    image.filepath_raw = str(unfinished)
-    try:
-        image.save()
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
-    image.filepath_raw = str(path)
+                return

@@ -8,6 +8,8 @@ PRESETS = [
     ("balanced", "Balanced", "300 steps"),
     ("quality", "Quality", "1000 steps and more on large pictures"),
 ]
+# Blender 5 asks for this where // may begin a path.
+BESIDE_THE_FILE = {"ANIMATABLE"} | ({"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (5, 0, 0) else set())
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -33,7 +35,11 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     save: BoolProperty(name="Save Picture", default=True, description="Write the corrected frame to the folder too")
     folder: StringProperty(
-        name="Folder", default="//corrected/", subtype="DIR_PATH", description="Of corrected.####.exr, made when absent"
+        name="Folder",
+        default="//corrected/",
+        subtype="DIR_PATH",
+        options=BESIDE_THE_FILE,
+        description="Of corrected.####.exr, made when absent",
     )
     keep: BoolProperty(
         name="Keep Halves and Model",
