@@ -17,7 +17,7 @@ import numpy as np
 SOURCE = Path(__file__).with_name("sspc_correct")
 SCRATCH = Path(os.environ["SSPC_SCRATCH"])
 PACKAGE = "bl_ext.user_default.sspc_correct"
-WIDTH, HEIGHT, SAMPLES = 160, 96, 16
+WIDTH, HEIGHT, SAMPLES = 256, 160, 32
 # Cycles' own names of what is on only while halves are rendered.
 KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
@@ -155,7 +155,7 @@ class Correct(unittest.TestCase):
         noisy, denoised = ({half: halves[half][name] for half in "ab"} for name in ("Noisy Image", "Combined"))
         self.assertGreater(np.abs(noisy["a"] - noisy["b"]).mean(), 2 * np.abs(denoised["a"] - denoised["b"]).mean())
         # And the picture is better than both together denoised.
-        self.scene.cycles.samples, self.scene.cycles.seed = 64 * SAMPLES, 99
+        self.scene.cycles.samples, self.scene.cycles.seed = 64 * 64, 99
         image = self.scene.render.image_settings
         if hasattr(image, "media_type"):
             image.media_type = "MULTI_LAYER_IMAGE"

@@ -41,7 +41,7 @@ class SSPC_OT_correct(bpy.types.Operator):
                 else:
                     programs.Program(step.command).wait()
         except (*EXPECTED, RuntimeError) as error:
-            return self.end(context, "ERROR", str(error).strip())
+            return self.end(context, "ERROR", reason(error))
         finally:
             if steps:
                 steps.close()
@@ -53,7 +53,7 @@ class SSPC_OT_correct(bpy.types.Operator):
         try:
             self.correction = Correction(context, self.animation)
         except EXPECTED as error:
-            return self.end(context, "ERROR", str(error))
+            return self.end(context, "ERROR", reason(error))
         self.steps, self.done, self.program, self.render = self.correction.steps(), 0, None, None
         state = context.window_manager.sspc
         state.running, state.cancel, state.factor, state.text, state.message = True, False, 0.0, "Starting", ""
@@ -93,7 +93,7 @@ class SSPC_OT_correct(bpy.types.Operator):
             return self.end(context, "INFO", "Cancelled")
         except (*EXPECTED, RuntimeError) as error:
             self.clean(context)
-            return self.end(context, "ERROR", str(error).strip())
+            return self.end(context, "ERROR", reason(error))
         except BaseException:
             self.clean(context)
             raise
@@ -176,6 +176,11 @@ class SSPC_OT_cancel(bpy.types.Operator):
 
 class Cancelled(Exception):
     """The user does not want it any more."""
+
+
+def reason(error):
+    """What an error says, without the mark that Blender's operators put before it."""
+    return str(error).strip().removeprefix("Error: ")
 
 
 def rendered(result):

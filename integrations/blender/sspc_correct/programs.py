@@ -59,16 +59,20 @@ class Program:
         self.reader.start()
 
     def listen(self):
-        for line in self.process.stdout:
-            kind, _, text = line.rstrip("\n").partition(": ")
-            if kind == "openjd_progress":
-                self.fraction = float(text) / 100
-            elif kind == "openjd_status":
-                self.status = text
-            elif kind == "openjd_fail":
-                self.failure = text
-            else:
-                self.lines.append(line.rstrip("\n"))
+        with self.process.stdout as said:
+            for line in said:
+                self.take(line)
+
+    def take(self, line):
+        kind, _, text = line.rstrip("\n").partition(": ")
+        if kind == "openjd_progress":
+            self.fraction = float(text) / 100
+        elif kind == "openjd_status":
+            self.status = text
+        elif kind == "openjd_fail":
+            self.failure = text
+        else:
+            self.lines.append(line.rstrip("\n"))
 
     def ended(self):
         """Whether it has done its work; an error where it failed."""
