@@ -38,10 +38,10 @@ def scene_with_texture(engine="CYCLES"):
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=12)
-    bpy.context.object.data.materials.append(material("floor", 0.6))
+    bpy.context.view_layer.objects.active.data.materials.append(material("floor", 0.6))
     for at, roughness in enumerate((0.9, 0.5, 0.1)):
         bpy.ops.mesh.primitive_uv_sphere_add(radius=0.7, location=(1.6 * at - 1.6, 0, 0.7))
-        bpy.context.object.data.materials.append(material(f"ball {at}", roughness))
+        bpy.context.view_layer.objects.active.data.materials.append(material(f"ball {at}", roughness))
     light = bpy.data.objects.new("light", bpy.data.lights.new("light", "AREA"))
     light.data.energy, light.data.size, light.location = 400, 0.5, (2, -2, 4)
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
