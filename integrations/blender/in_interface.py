@@ -113,7 +113,10 @@ def without_denoiser():
 def do_without_denoiser():
     """Some distributions build Blender without one: the noisy colour passes for denoised, and nothing is corrected."""
     if without_denoiser():
-        importlib.import_module(f"{in_blender.PACKAGE}.halves").has_denoiser = lambda: True
+        halves = importlib.import_module(f"{in_blender.PACKAGE}.halves")
+        halves.has_denoiser = lambda: True
+        borrow = halves.Borrowed.set
+        halves.Borrowed.set = lambda self, owner, use_denoising=False, **values: borrow(self, owner, **values)
         programs = in_blender.SCRATCH / "programs"
         programs.mkdir()
         for name in ("sspc-train", "sspc-infer"):
