@@ -58,7 +58,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let initial = initial_networks(initial, &settings, &prepared)?;
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let frames: Vec<&Prepared> = prepared.iter().collect();
-    let mut progress = Progress::new(&output);
+    let mut progress = Progress::new(&output, initial.len());
     let fitted = fit_variants(&frames, &settings, initial, &limits, args.backend, isa, |step| {
         progress.step(step);
         if interrupt::asked() { Control::Stop } else { Control::Continue }

@@ -15,12 +15,15 @@ pub const BAR: &str = "training {bar:32} {pos}/{len}  {per_sec}  {msg}  {eta} le
 pub struct Progress<'a> {
     output: &'a Output,
     last_line: Option<Instant>,
+    /// Networks to train, one after the other, and how many are done.
+    networks: usize,
+    trained: usize,
 }
 
 impl<'a> Progress<'a> {
-    /// Of a training that has not begun.
-    pub fn new(output: &'a Output) -> Self {
-        Self { output, last_line: None }
+    /// Of a training of so many networks that has not begun.
+    pub fn new(output: &'a Output, networks: usize) -> Self {
+        Self { output, last_line: None, networks: networks.max(1), trained: 0 }
     }
 
     /// A step was taken.
@@ -39,12 +42,16 @@ impl<'a> Progress<'a> {
                 "training step {}/{}, loss {:.5}, {rate:.1} steps/s, {left:.0} s left",
                 step.step, step.of, step.loss
             );
-            self.output.progress(TRAINED * step.step as f64 / step.of as f64);
+            let trained = (self.trained as f64 + step.step as f64 / step.of as f64) / self.networks as f64;
+            self.output.progress(TRAINED * trained);
             self.output.status(&line);
             if self.output.in_lines() {
                 self.output.say(&line);
             }
             self.last_line = Some(Instant::now());
+        }
+        if step.step == step.of {
+            self.trained += 1;
         }
     }
 
