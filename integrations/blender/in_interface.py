@@ -66,15 +66,16 @@ def steps():
     restored(scene, before)
     assert in_blender.files(scene.sspc.folder) == []
 
-    # An error ends it too.
-    scene.camera = None
-    correct(fails=True)
+    # A program that fails ends it too.
+    preferences = bpy.context.preferences.addons[in_blender.PACKAGE].preferences
+    usual, preferences.programs = preferences.programs, str(broken_programs())
+    correct()
     yield lambda: not state().running
-    assert state().level == "ERROR", state().message
+    assert (state().level, state().message) == ("ERROR", "sspc-train: no luck"), state().message
+    restored(scene, before)
+    preferences.programs = usual
 
     # The extension goes while it is at work.
-    scene.camera = bpy.data.objects["camera"]
-    before = in_blender.settings_of(scene)
     correct()
     yield lambda: "step" in state().text
     bpy.ops.preferences.addon_disable(module=in_blender.PACKAGE)
@@ -82,10 +83,19 @@ def steps():
     yield lambda: True
 
 
-def correct(fails=False):
+def broken_programs():
+    """A folder of programs that fail."""
+    folder = in_blender.SCRATCH / "broken"
+    folder.mkdir()
+    for name in ("sspc-train", "sspc-infer"):
+        (folder / name).write_text("#!/bin/sh\necho openjd_fail: no luck\nexit 4\n")
+    return folder
+
+
+def correct():
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
         result = bpy.ops.sspc.correct("INVOKE_DEFAULT")
-    assert fails or result == {"RUNNING_MODAL"}, result
+    assert result == {"RUNNING_MODAL"}, result
 
 
 def state():
@@ -93,7 +103,7 @@ def state():
 
 
 def note(seen):
-    """Remembers what the status bar says, and takes a picture of the first fitting."""
+    """Remembers what the status bar says."""
     seen.add(state().text)
 
 
