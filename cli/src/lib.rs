@@ -8,12 +8,14 @@
 //! | [`failure`] | how a command ends: messages and exit codes |
 //! | [`interrupt`] | Ctrl-C and SIGTERM |
 //! | [`output`] | lines and bars |
+//! | [`openjd`] | progress, status and failure as messages to a render farm |
 //! | [`record`] | what reports and pictures record: roles, provenance, memory |
 #![forbid(unsafe_code)]
 
 pub mod failure;
 pub mod frame_args;
 pub mod interrupt;
+pub mod openjd;
 pub mod output;
 mod print;
 pub mod reading;
@@ -22,4 +24,4 @@ pub mod run_args;
 
 pub use failure::{Code, Failure};
 pub use frame_args::{FrameArgs, FrameJob};
-pub use run_args::{RunArgs, Verbosity};
+pub use run_args::{ProgressFormat, RunArgs, Verbosity};

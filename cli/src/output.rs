@@ -1,15 +1,17 @@
-//! What a person sees: lines, and a bar on a terminal.
+//! What a person sees: lines, and a bar on a terminal; and what a farm reads instead of the bar.
 
 use crate::failure::Failure;
+use crate::openjd;
 use crate::print::print_line;
-use crate::run_args::Verbosity;
+use crate::run_args::{ProgressFormat, Verbosity};
 use indicatif::{ProgressBar, ProgressStyle};
 use sspc_image::RoleSource;
 use std::io::{IsTerminal, Write, stderr, stdout};
 
-/// Lines and bar of a command; both go to standard error.
+/// Lines and bar of a command; both go to standard error. A farm's messages go to standard output.
 pub struct Output {
     verbosity: Verbosity,
+    format: ProgressFormat,
     bar: Option<ProgressBar>,
 }
 
@@ -21,7 +23,27 @@ impl Output {
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new(0).with_style(style)
         });
-        Self { verbosity, bar }
+        Self { verbosity, format: ProgressFormat::Auto, bar }
+    }
+
+    /// The same with progress told as asked for: a farm's messages take the place of the bar.
+    pub fn with_progress(self, format: ProgressFormat) -> Self {
+        let bar = self.bar.filter(|_| format == ProgressFormat::Auto);
+        Self { format, bar, ..self }
+    }
+
+    /// Tells a farm which percentage of the work is done.
+    pub fn progress(&self, percent: f64) {
+        if self.format == ProgressFormat::Openjd {
+            openjd::progress(percent);
+        }
+    }
+
+    /// Tells a farm what is being done.
+    pub fn status(&self, text: &str) {
+        if self.format == ProgressFormat::Openjd {
+            openjd::status(text);
+        }
     }
 
     /// The bar, where there is one.
@@ -29,9 +51,14 @@ impl Output {
         self.bar.as_ref()
     }
 
-    /// Whether progress is to be told in lines: nobody watches a bar, and quiet was not asked for.
+    /// Whether progress is to be told in lines: nobody watches a bar or reads messages, and quiet was not asked for.
     pub fn in_lines(&self) -> bool {
-        self.bar.is_none() && self.verbosity > Verbosity::Quiet
+        self.bar.is_none() && self.verbosity > Verbosity::Quiet && self.format == ProgressFormat::Auto
+    }
+
+    /// Whether progress is told to a farm.
+    pub fn in_messages(&self) -> bool {
+        self.format == ProgressFormat::Openjd
     }
 
     /// A line whatever was asked for.

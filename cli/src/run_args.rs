@@ -1,7 +1,8 @@
 //! How a command runs: how much it prints, on how many threads, and how much of the correction it uses.
 
 use crate::failure::{Code, Failure};
-use clap::Args;
+use crate::openjd;
+use clap::{Args, ValueEnum};
 
 /// What every command that corrects frames takes.
 #[derive(Args, Clone, Debug)]
@@ -25,6 +26,20 @@ pub struct RunArgs {
     /// Print roles, times and memory of every frame
     #[arg(short, long)]
     pub verbose: bool,
+
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t = ProgressFormat::Auto)]
+    pub progress: ProgressFormat,
+}
+
+/// How progress is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum ProgressFormat {
+    /// A bar on a terminal, lines elsewhere
+    #[default]
+    Auto,
+    /// openjd_progress, openjd_status and openjd_fail on standard output, for render farms
+    Openjd,
 }
 
 /// How much is printed.
@@ -46,6 +61,17 @@ impl RunArgs {
             (false, true) => Verbosity::Verbose,
             (false, false) => Verbosity::Normal,
         }
+    }
+
+    /// Passes a command's outcome on; a failure is told to the farm too, where progress is.
+    ///
+    /// # Errors
+    /// The failure, as it was.
+    pub fn told(&self, outcome: Result<(), Failure>) -> Result<(), Failure> {
+        if let (ProgressFormat::Openjd, Err(failure)) = (self.progress, &outcome) {
+            openjd::fail(&failure.message);
+        }
+        outcome
     }
 
     /// Starts as many threads as were asked for; once, before any work.

@@ -33,7 +33,7 @@ pub enum Command {
 /// A [`Failure`] that carries its exit code.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.command {
-        Command::Run(arguments) => run::run(&arguments),
+        Command::Run(arguments) => arguments.run.told(run::run(&arguments)),
         Command::Info(arguments) => info::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
     }

@@ -124,6 +124,61 @@ fn a_bad_frame_does_not_stop_the_others() {
 }
 
 #[test]
+fn chunks_of_a_shot_give_its_pixels_however_it_is_cut() {
+    let folder = shot();
+    // Frames unlike their neighbours: the halves change places.
+    for frame in ["0002", "0004"] {
+        for (half, from) in [("a", "b"), ("b", "a")] {
+            let to = folder.path().join(format!("{half}.{frame}.exr"));
+            std::fs::copy(sample(&format!("{from}.exr")), to).expect("frame");
+        }
+    }
+    let pictures = |chunks: &[&str], threads: &str| {
+        for chunk in chunks {
+            let output = run(folder.path(), &shot_arguments(chunk, &["--threads", threads]));
+            assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        }
+        let out = folder.path().join("out");
+        let files: Vec<Vec<u8>> =
+            files_in(&out).iter().map(|name| std::fs::read(out.join(name)).expect("picture")).collect();
+        files_in(&out).iter().for_each(|name| std::fs::remove_file(out.join(name)).expect("removed"));
+        files
+    };
+    let whole = pictures(&["1-4"], "2");
+    assert!(whole.len() == 4 && whole[0] != whole[1], "four frames, not all alike");
+    for cut in [&["1", "2", "3", "4"][..], &["3-4", "1-2"], &["1-4x2", "2,4"], &["1-3", "4"]] {
+        assert!(pictures(cut, "1") == whole, "{cut:?}: other bytes than the whole shot");
+    }
+}
+
+#[test]
+fn progress_is_told_to_a_farm() {
+    let folder = shot();
+    let told = |frames: &str, more: &[&str]| {
+        let output = run(folder.path(), &shot_arguments(frames, &[&["--progress", "openjd"], more].concat()));
+        (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned(), stderr(&output))
+    };
+    let (code, said, _) = told("1-2", &["--quiet"]);
+    assert_eq!(code, Some(0));
+    let expected = "openjd_progress: 0.0\nopenjd_status: frame 1\nopenjd_progress: 50.0\nopenjd_status: frame 2\n\
+                    openjd_progress: 100.0\n";
+    assert_eq!(said, expected);
+
+    std::fs::write(folder.path().join("a.0002.exr"), b"v/1\x01 cut off").expect("bad frame");
+    let (code, said, errors) = told("1-3", &[]);
+    assert_eq!(code, Some(3));
+    assert!(said.contains("openjd_status: frame 2: a.0002.exr"), "{said}");
+    assert!(said.ends_with("openjd_fail: 1 of 3 frames failed (frame 2); the others are complete\n"), "{said}");
+    assert!(errors.contains("error: frame 2: a.0002.exr"), "{errors}");
+
+    // Also of a failure before the first frame.
+    std::fs::remove_file(folder.path().join("model.onnx")).expect("removed");
+    let (code, said, _) = told("1", &[]);
+    assert_eq!(code, Some(3));
+    assert!(said.starts_with("openjd_fail: model.onnx: "), "{said}");
+}
+
+#[test]
 fn existing_outputs_are_skipped_when_asked() {
     let folder = shot();
     let kept = folder.path().join("out/c.0002.exr");

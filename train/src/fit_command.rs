@@ -7,7 +7,7 @@ use crate::inputs::{Input, read};
 use crate::outcome::{Outcome, correct_frame};
 use crate::output_folder::OutputFolder;
 use crate::preset::Settings;
-use crate::progress::{BAR, Progress};
+use crate::progress::{BAR, Progress, TRAINED};
 use crate::report::{FitReport, FitSeconds, RelL2};
 use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
@@ -30,7 +30,8 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let isa = Isa::from_env()?;
     args.run.start_threads()?;
-    let output = Output::new(args.run.verbosity(), Some(BAR));
+    let output = Output::new(args.run.verbosity(), Some(BAR)).with_progress(args.run.progress);
+    output.status("reading");
     let mut settings = Settings::of(args.preset, args.seed);
     setting_overrides::apply(&args.changes, &mut settings, args.init.is_some())?;
     let initial = match &args.init {
@@ -60,13 +61,15 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let initial = initial_networks(initial, &settings, &prepared)?;
     let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let frames: Vec<&Prepared> = prepared.iter().collect();
-    let mut progress = Progress::new(&output);
+    let mut progress = Progress::new(&output, initial.len());
     let fitted = fit_variants(&frames, &settings, initial, &limits, args.backend, isa, |step| {
         progress.step(step);
         if interrupt::asked() { Control::Stop } else { Control::Continue }
     });
     progress.done();
     interrupt::check()?;
+    output.progress(TRAINED);
+    output.status("correcting and writing");
 
     let begin = Instant::now();
     let outcomes = inputs
@@ -89,6 +92,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let written = Written { args, settings: &settings, inputs: &inputs, fitted: &fitted, outcomes: &outcomes };
     write_outputs(&written, &overrides, reports, folder, start)?;
     outcomes.iter().zip(&inputs).for_each(|(outcome, input)| say_result(&output, input, outcome));
+    output.progress(100.0);
     Ok(())
 }
 

@@ -11,7 +11,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     interrupt::listen();
     failure::exit_code(match &cli.command {
-        Command::Fit(args) => fit_command::run(args),
+        Command::Fit(args) => args.run.told(fit_command::run(args)),
         Command::Export(args) => export::run(args),
     })
 }

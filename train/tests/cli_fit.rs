@@ -97,6 +97,31 @@ fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
 }
 
 #[test]
+fn progress_is_told_to_a_farm() {
+    let folder = folder();
+    let output = fit(&folder.path().join("fit"), &["--quiet", "--progress", "openjd"]);
+    assert_success(&output);
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stdout);
+    let percentages: Vec<f64> = said
+        .lines()
+        .filter_map(|line| line.strip_prefix("openjd_progress: "))
+        .map(|text| text.parse().expect("a number"))
+        .collect();
+    assert!(percentages.is_sorted() && percentages.last() == Some(&100.0), "{said}");
+    assert!(said.contains("openjd_status: training step 4/4, loss "), "{said}");
+    assert!(said.lines().all(|line| line.starts_with("openjd_")), "{said}");
+
+    let missing = folder.path().join("no\nsuch.exr");
+    let arguments = ["--role", &format!("albedo={}", missing.display()), "--progress", "openjd"];
+    let output = fit(&folder.path().join("other"), &arguments);
+    assert_eq!(output.status.code(), Some(3));
+    let said = String::from_utf8_lossy(&output.stdout);
+    let last = said.lines().last().unwrap_or_default();
+    assert!(last.starts_with("openjd_fail: ") && last.contains("such.exr"), "{said}");
+}
+
+#[test]
 fn strength_0_gives_the_denoisers_picture() {
     let folder = folder();
     let picture = |strength: &str| {

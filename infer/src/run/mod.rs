@@ -35,7 +35,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     })?;
     let engine = Engine::new(model, arguments.kernels.of(isa), arguments.tile);
     let bar = (jobs.len() > 1).then_some("{bar:32} {pos}/{len} frames  {eta} left");
-    let output = Output::new(arguments.run.verbosity(), bar);
+    let output = Output::new(arguments.run.verbosity(), bar).with_progress(arguments.run.progress);
     let shared = Shared { arguments, overrides: &overrides, engine: &engine, isa, output: &output };
     arguments.run.start_threads()?;
     if arguments.run.dry_run {
@@ -46,20 +46,23 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 
 /// Does every job; goes on after a bad input, ends at a failed output, which would fail again.
 fn all(jobs: &[Job], output: &Output, work: impl Fn(&Job) -> Result<(), Failure>) -> Result<(), Failure> {
-    let mut failures: Vec<Failure> = Vec::new();
+    let mut failures: Vec<(String, Failure)> = Vec::new();
     show_done(output, 0, jobs.len());
     for (done, job) in jobs.iter().enumerate() {
+        output.status(&job.frame.name());
         match interrupt::check().and_then(|()| work(job)) {
             Ok(()) => {}
             Err(failure) if failure.code == Code::Interrupted => return Err(failure),
             Err(failure) if jobs.len() == 1 => return Err(failure),
             Err(failure) => {
-                output.always(&format!("error: {}: {}", job.frame.name(), failure.message));
+                let what = format!("{}: {}", job.frame.name(), failure.message);
+                output.status(&what);
+                output.always(&format!("error: {what}"));
                 if !failure.advice.is_empty() {
                     output.always(&format!("advice: {}", failure.advice));
                 }
                 let hopeless = failure.code == Code::Run;
-                failures.push(failure);
+                failures.push((job.frame.name(), failure));
                 if hopeless {
                     let left = jobs.len() - done - 1;
                     return Err(summary(&failures, jobs.len(), left));
@@ -72,6 +75,7 @@ fn all(jobs: &[Job], output: &Output, work: impl Fn(&Job) -> Result<(), Failure>
 }
 
 fn show_done(output: &Output, done: usize, of: usize) {
+    output.progress(100.0 * done as f64 / of as f64);
     if let Some(bar) = output.bar() {
         bar.set_length(of as u64);
         bar.set_position(done as u64);
@@ -81,9 +85,16 @@ fn show_done(output: &Output, done: usize, of: usize) {
     }
 }
 
-fn summary(failures: &[Failure], frames: usize, untried: usize) -> Failure {
-    let worst = failures.iter().map(|f| f.code).max_by_key(|code| *code as u8).unwrap_or(Code::Run);
+fn summary(failures: &[(String, Failure)], frames: usize, untried: usize) -> Failure {
+    /// Frames that are named; a log has them all.
+    const NAMED: usize = 8;
+    let worst = failures.iter().map(|(_, failure)| failure.code).max_by_key(|code| *code as u8).unwrap_or(Code::Run);
     let untried = if untried > 0 { format!(", {untried} not tried") } else { String::new() };
-    let message = format!("{} of {frames} frames failed{untried}; the others are complete", failures.len());
+    let mut names: Vec<&str> = failures.iter().take(NAMED).map(|(name, _)| name.as_str()).collect();
+    if failures.len() > NAMED {
+        names.push("...");
+    }
+    let (failed, names) = (failures.len(), names.join(", "));
+    let message = format!("{failed} of {frames} frames failed ({names}){untried}; the others are complete");
     Failure::new(worst, message, "mend what is named above and run again with --skip-existing")
 }
