@@ -104,8 +104,10 @@ fn altered(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
 fn another_contract_is_named() {
     let bytes = write_network(&small(Form::Gated));
     let contract_entry = [b"sspc.contract\x12\x01".as_slice(), b"1"].concat();
-    let later = altered(&bytes, &contract_entry, b"sspc.contract\x12\x012");
-    assert!(matches!(read_model(&later), Err(Error::Version { expected: 1, found }) if found == "2"));
+    let later = altered(&bytes, &contract_entry, b"sspc.contract\x12\x019");
+    assert!(matches!(read_model(&later), Err(Error::Version { found, .. }) if found == "9"));
+    let second = altered(&bytes, &contract_entry, b"sspc.contract\x12\x012");
+    assert!(matches!(read_model(&second), Err(Error::MissingKey { key }) if key == "sspc.networks"));
 
     let radius = altered(&bytes, b"sspc.window_radius\x12\x019", b"sspc.window_radius\x12\x010");
     assert!(matches!(read_model(&radius), Err(Error::Key { key, .. }) if key.contains("radius")));
