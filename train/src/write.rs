@@ -115,7 +115,7 @@ pub fn write_outputs(
             shown.extend(names.map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p)));
         }
         let corrected: Vec<&Image> = outcomes.iter().map(|outcome| &outcome.corrected).collect();
-        let provenance = provenance(what, &outcomes[0]);
+        let provenance = provenance(what, &inputs[0], &outcomes[0]);
         let (written, shown) = rayon::join(
             || plan.write(&path, &protected, &corrected, &provenance),
             || shown.par_iter().try_for_each(|(path, preview)| write_png(path, &protected, preview)),
@@ -157,12 +157,13 @@ fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Mo
 }
 
 /// How the picture was made, for its attributes.
-fn provenance(&Written { args, fitted, .. }: &Written, outcome: &Outcome) -> Vec<(String, String)> {
-    let own = [
+fn provenance(&Written { args, fitted, .. }: &Written, input: &Input, outcome: &Outcome) -> Vec<(String, String)> {
+    let mut own = vec![
         ("sspc.preset", args.preset.to_string()),
         ("sspc.seed", args.seed.to_string()),
         ("sspc.steps", fitted.history.len().to_string()),
     ];
+    own.extend(input.denoiser.iter().map(|made| ("sspc.denoiser", made.provenance())));
     record::provenance("sspc-train", &own, args.run.strength, outcome.verdict.fallback.as_deref())
 }
 
