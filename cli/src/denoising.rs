@@ -197,7 +197,7 @@ impl<'a> Denoising<'a> {
             match open.undenoised() {
                 // Nobody has asked for the library: the frame is what is wrong.
                 Some(undenoised) if !asked => {
-                    Failure { message: format!("{undenoised}; and {error}, to make it"), ..failure(error) }
+                    Failure { message: format!("{undenoised}; {error}"), ..failure(error) }
                 }
                 _ => failure(error),
             }
