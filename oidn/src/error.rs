@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 /// How to get the library on each platform, in two lines.
 pub const HOW_TO_GET_IT: &str = "\
-Linux and Windows: pip install pyoidn, or the releases of github.com/RenderKit/oidn; macOS: brew install open-image-denoise
-        Blender's and the system's own are found by themselves, others by --oidn FOLDER or OIDN_DIR; or give denoised pictures: --denoised-a, --denoised-b, --denoised";
+Linux, macOS, Windows: pip install pyoidn, or unpack a release of github.com/RenderKit/oidn; macOS also: brew install open-image-denoise
+        Blender's and the system's are found by themselves, others by --oidn FOLDER or OIDN_DIR; or give --denoised-a and --denoised-b";
 
 /// Why there is no denoised picture.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
