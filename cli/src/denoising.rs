@@ -13,6 +13,7 @@ use sspc_image::{Buffer, CompactImage, Image, Role};
 use sspc_oidn::buffers::mean_of_finite;
 use sspc_oidn::{Mode, Oidn, OidnError, Picture, Quality, Rows, Run};
 use std::cell::OnceCell;
+use std::fmt;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -57,7 +58,9 @@ pub struct DenoiserReport {
     pub library: String,
     /// Its quality.
     pub quality: Quality,
-    /// Modes, in the order of [`sspc_image::Frame::variants`]; the first is z where the files have none.
+    /// Whether the first mode made z, because the files have none.
+    pub makes_first: bool,
+    /// Modes, in the order of [`sspc_image::Frame::variants`].
     pub modes: Vec<Mode>,
     /// Each picture.
     pub pictures: Vec<MadePicture>,
@@ -76,10 +79,44 @@ pub struct MadePicture {
     pub seconds: f64,
 }
 
+/// Modes, as a model keeps them, so that frames that it corrects are denoised as those that it was fitted on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeptModes {
+    /// The first makes z; else z is in the files, and all are further pictures.
+    makes_first: bool,
+    modes: Vec<Mode>,
+    quality: Quality,
+}
+
+impl KeptModes {
+    /// The key in a model's metadata.
+    pub const KEY: &str = "denoised_by_oidn";
+
+    /// What a model says; `None` where it says nothing that is understood.
+    pub fn of(text: &str) -> Option<Self> {
+        let mut words = text.split(' ');
+        let makes_first = match words.next()? {
+            "z" => true,
+            "beside-z" => false,
+            _ => return None,
+        };
+        let modes = words.next()?.split(',').map(str::parse).collect::<Result<Vec<Mode>, _>>().ok()?;
+        Some(Self { makes_first, modes, quality: words.next()?.parse().ok()? })
+    }
+}
+
+impl fmt::Display for KeptModes {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = if self.makes_first { "z" } else { "beside-z" };
+        write!(out, "{what} {} {}", names(&self.modes), self.quality)
+    }
+}
+
 /// The denoiser of a command, opened when the first frame needs it.
 pub struct Denoising<'a> {
     args: &'a DenoiseArgs,
-    modes: &'a [Mode],
+    /// Where the arguments name none.
+    kept: Option<KeptModes>,
     library: OnceCell<Oidn>,
 }
 
@@ -94,12 +131,12 @@ struct Task {
 impl<'a> Denoising<'a> {
     /// As the arguments ask.
     pub fn new(args: &'a DenoiseArgs) -> Self {
-        Self { args, modes: DEFAULT_MODES, library: OnceCell::new() }
+        Self { args, kept: None, library: OnceCell::new() }
     }
 
-    /// The same with other modes where the arguments name none.
-    pub fn with_default_modes(self, modes: &'a [Mode]) -> Self {
-        Self { modes, ..self }
+    /// The same, with a model's modes and quality where the arguments name none.
+    pub fn as_kept(self, kept: Option<KeptModes>) -> Self {
+        Self { kept, ..self }
     }
 
     /// Makes what the frame's files do not hold, and gives it to the frame.
@@ -134,6 +171,7 @@ impl<'a> Denoising<'a> {
             version: oidn.version().to_string(),
             library: oidn.path().display().to_string(),
             quality: run.quality,
+            makes_first: task.makes_first,
             modes: task.modes,
             pictures,
             seconds: begin.elapsed().as_secs_f64(),
@@ -167,16 +205,15 @@ impl<'a> Denoising<'a> {
     }
 
     fn quality(&self) -> Quality {
-        self.args.oidn_quality.unwrap_or(DEFAULT_QUALITY)
+        let kept = self.kept.as_ref().map(|kept| kept.quality);
+        self.args.oidn_quality.or(kept).unwrap_or(DEFAULT_QUALITY)
     }
 
     fn task(&self, open: &OpenFrame) -> Option<Task> {
         let makes_first = open.undenoised().is_some();
-        let asked = match &self.args.oidn_modes {
-            Some(modes) => modes,
-            None if makes_first => self.modes,
-            None => return None,
-        };
+        let kept = self.kept.as_ref().filter(|kept| kept.makes_first == makes_first).map(|kept| kept.modes.as_slice());
+        let default = makes_first.then_some(DEFAULT_MODES);
+        let asked = self.args.oidn_modes.as_deref().or(kept).or(default)?;
         let albedo = open.has(Role::Albedo, Buffer::A);
         let mut modes: Vec<Mode> = Vec::new();
         for mode in asked.iter().map(|mode| mode.with(albedo)) {
@@ -196,9 +233,7 @@ impl<'a> Denoising<'a> {
             let asked = self.args.oidn.is_some() || self.args.oidn_modes.is_some();
             match open.undenoised() {
                 // Nobody has asked for the library: the frame is what is wrong.
-                Some(undenoised) if !asked => {
-                    Failure { message: format!("{undenoised}; {error}"), ..failure(error) }
-                }
+                Some(undenoised) if !asked => Failure { message: format!("{undenoised}; {error}"), ..failure(error) },
                 _ => failure(error),
             }
         })?;
@@ -219,14 +254,21 @@ impl DenoiserReport {
 
     /// What was made, for a picture's attributes.
     pub fn provenance(&self) -> String {
-        let modes: Vec<&str> = self.modes.iter().map(|mode| mode.name()).collect();
-        format!("{NAME} {} {} {}", self.version, modes.join(","), self.quality)
+        format!("{NAME} {} {} {}", self.version, names(&self.modes), self.quality)
+    }
+
+    /// What a model keeps.
+    pub fn kept(&self) -> KeptModes {
+        KeptModes { makes_first: self.makes_first, modes: self.modes.clone(), quality: self.quality }
     }
 }
 
 fn made_line(verb: &str, modes: &[Mode], quality: Quality) -> String {
-    let modes: Vec<&str> = modes.iter().map(|mode| mode.name()).collect();
-    format!("  denoised colour of half a, half b and the full buffer: {verb} ({}; {quality})", modes.join(", "))
+    format!("  denoised colour of half a, half b and the full buffer: {verb} ({}; {quality})", names(modes))
+}
+
+fn names(modes: &[Mode]) -> String {
+    modes.iter().map(|mode| mode.name()).collect::<Vec<_>>().join(",")
 }
 
 /// Reads what the denoiser is given of a buffer; the full buffer is the mean of both halves.
@@ -264,4 +306,19 @@ fn failure(error: OidnError) -> Failure {
         _ => Code::Input,
     };
     Failure::new(code, error.to_string(), error.advice())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_model_keeps_is_read_back() {
+        for text in ["z aux high", "beside-z clean-aux,colour balanced"] {
+            assert_eq!(KeptModes::of(text).map(|kept| kept.to_string()).as_deref(), Some(text));
+        }
+        for text in ["", "z", "z aux", "z albedo high", "files aux high"] {
+            assert_eq!(KeptModes::of(text), None, "{text}");
+        }
+    }
 }

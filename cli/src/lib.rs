@@ -24,7 +24,7 @@ pub mod reading;
 pub mod record;
 pub mod run_args;
 
-pub use denoising::{DenoiserReport, Denoising};
+pub use denoising::{DenoiserReport, Denoising, KeptModes};
 pub use failure::{Code, Failure};
 pub use frame_args::{FrameArgs, FrameJob};
 pub use run_args::{ProgressFormat, RunArgs, Verbosity};

@@ -27,7 +27,7 @@ impl Source {
     pub fn variants(&self) -> usize {
         match self {
             Source::Held(frame) => frame.variants.len(),
-            Source::Files(..) => 0,
+            Source::Files(open, _) => open.variants(),
         }
     }
 }

@@ -147,12 +147,15 @@ impl OpenFrame {
     pub fn planes(&self) -> usize {
         let read: usize = self.resolution.filled.iter().map(|filled| filled.channels.len()).sum();
         let made = self.made.halves.iter().flatten().count() + self.made.full.iter().count();
-        // Where there are further pictures, the first is among them once more.
-        let variants = match (self.further_in_files(), self.made.variants.len()) {
-            (0, 0) => 0,
-            (_, made) => 3 * (made + 1),
-        };
-        read + 3 * (made + variants)
+        // Where there are further pictures, z is among them once more.
+        let again = if self.variants() > 0 { 3 } else { 0 };
+        read + 3 * (made + 3 * self.made.variants.len() + again)
+    }
+
+    /// How many variants of z the frame has; none where that is z alone.
+    pub fn variants(&self) -> usize {
+        let further = self.further_in_files() + self.made.variants.len();
+        if further > 0 { further + 1 } else { 0 }
     }
 
     /// Further denoised pictures in the files.

@@ -9,7 +9,7 @@ use crate::preset::Settings;
 use crate::report::FitReport;
 use rayon::prelude::*;
 use sspc_cli::record::{self, peak_rss_bytes};
-use sspc_cli::{Code, Failure};
+use sspc_cli::{Code, Failure, KeptModes};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::preview::{Rgb8, error_map, strip, tone_map, write_png};
 use sspc_frames::{OutputPlan, RoleOverrides};
@@ -150,6 +150,9 @@ fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Mo
     contract.steps = fitted.history.len() as u64;
     if !settings.changes.is_empty() {
         contract.extra.insert("settings_changed".into(), settings.changes.join(" "));
+    }
+    if let Some(made) = &inputs[0].denoiser {
+        contract.extra.insert(KeptModes::KEY.into(), made.kept().to_string());
     }
     contract.networks = fitted.networks.len();
     let weights = fitted.networks.iter().flat_map(|network| network.weights.iter().copied()).collect();
