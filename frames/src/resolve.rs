@@ -285,7 +285,7 @@ impl Search<'_> {
     /// The channels by which half a names a role, in half b: two files of a frame are made alike.
     fn same_names(&self, file: usize, role: Role, names: &[String]) -> Result<Option<Hit>, Error> {
         let (exr, layers) = &self.opened[file];
-        let same: Option<Vec<usize>> = names.iter().map(|name| named_channel(exr, name)).collect();
+        let same: Option<Vec<usize>> = names.iter().map(|name| exr.channel_named(name)).collect();
         let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
         match same {
             Some(channels) => Ok(Some(Hit::of(channels))),
@@ -314,11 +314,11 @@ impl Search<'_> {
             Selection::Layer(name) => {
                 // One channel by its full name is a layer of one component.
                 let may_be_grey = role == Role::Radiance || self.anchor(buffer).is_some_and(|anchor| anchor.is_grey);
-                let only = || named_channel(exr, name).filter(|_| may_be_grey || component_count(role) == 1).map(grey);
+                let only = || exr.channel_named(name).filter(|_| may_be_grey || component_count(role) == 1).map(grey);
                 layers.named(name, role, view, may_be_grey).or_else(only)
             }
             Selection::Channels(names) => {
-                names.iter().map(|name| named_channel(exr, name)).collect::<Option<Vec<_>>>().map(Hit::of)
+                names.iter().map(|name| exr.channel_named(name)).collect::<Option<Vec<_>>>().map(Hit::of)
             }
         };
         hit.ok_or_else(|| {
@@ -385,12 +385,6 @@ impl Search<'_> {
 /// What else a role may be given in, for messages.
 fn own_file(role: Role) -> &'static str {
     if role == Role::Denoised { " or a file of its own" } else { "" }
-}
-
-/// A channel by its exact name, else without regard to case.
-fn named_channel(file: &ExrFile, name: &str) -> Option<usize> {
-    let exact = file.channels.iter().position(|channel| channel.name == name);
-    exact.or_else(|| file.channels.iter().position(|channel| channel.name.to_lowercase() == name.to_lowercase()))
 }
 
 /// A feature that only one half has cannot be used.
