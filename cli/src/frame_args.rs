@@ -1,10 +1,11 @@
 //! The arguments that name a frame, or the frames of a shot.
 
+use crate::denoising::DenoiseArgs;
 use crate::failure::{Code, Failure};
 use clap::Args;
 use sspc_frames::resolve::views;
 use sspc_frames::sequence::{Frames, Pattern};
-use sspc_frames::{FrameFiles, RoleOverrides};
+use sspc_frames::{DenoisedFile, FrameFiles, MoreDenoised, RoleOverrides};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -59,6 +60,15 @@ pub struct FrameArgs {
     /// The denoiser's output on the full buffer: what the correction is added to (a pattern for a shot)
     #[arg(long, value_name = "EXR")]
     pub denoised: Option<PathBuf>,
+
+    /// A further denoiser's output on half a, half b and the full buffer: one more picture to correct from. Each is
+    /// FILE.exr or FILE.exr:LAYER (patterns for a shot). Repeatable
+    #[arg(long, value_name = "ZA,ZB[,Z]")]
+    pub denoised_more: Vec<MoreDenoised>,
+
+    /// What makes denoised pictures that the files do not hold.
+    #[command(flatten)]
+    pub denoise: DenoiseArgs,
 
     /// Which channels fill a role, e.g. albedo=LAYER, normal-a=FILE.exr:N, visibility=none
     #[arg(long = "role", value_name = "ROLE=SOURCE")]
@@ -143,7 +153,8 @@ impl FrameArgs {
                 return Err(nonsense("no frame was named", "give A.exr and B.exr, --a and --b, or --paper-layout"));
             }
         };
-        Ok(files.with_denoised(self.denoised_a.clone(), self.denoised_b.clone(), self.denoised.clone()))
+        let files = files.with_denoised(self.denoised_a.clone(), self.denoised_b.clone(), self.denoised.clone());
+        Ok(files.with_more_denoised(self.denoised_more.clone()))
     }
 
     fn paper(&self, root: &Path) -> Result<FrameFiles, Failure> {
@@ -164,6 +175,7 @@ impl FrameArgs {
             optional(self.denoised.as_deref())?,
             optional(reference)?,
         ];
+        let more = self.denoised_more.iter().map(MorePatterns::of).collect::<Result<Vec<_>, _>>()?;
         let job = |number| {
             let at = |pattern: &Option<Pattern>| pattern.as_ref().map(|pattern| pattern.path(number));
             let halves = match &b {
@@ -171,9 +183,39 @@ impl FrameArgs {
                 None => FrameFiles::both_in_one(a.path(number)),
             };
             let files = halves.with_denoised(at(&denoised_a), at(&denoised_b), at(&denoised));
+            let files = files.with_more_denoised(more.iter().map(|more| more.at(number)).collect());
             FrameJob { number: Some(number), files: files.with_reference(at(&reference)) }
         };
         Ok(frames.into_iter().map(job).collect())
+    }
+}
+
+/// Further denoised pictures of a shot.
+struct MorePatterns {
+    named: MoreDenoised,
+    halves: [Pattern; 2],
+    full: Option<Pattern>,
+}
+
+impl MorePatterns {
+    fn of(named: &MoreDenoised) -> Result<Self, Failure> {
+        let [a, b] = &named.halves;
+        let halves = [pattern(&a.path)?, pattern(&b.path)?];
+        let full = named.full.as_ref().map(|full| pattern(&full.path)).transpose()?;
+        Ok(Self { named: named.clone(), halves, full })
+    }
+
+    /// Those of one frame.
+    fn at(&self, number: i32) -> MoreDenoised {
+        let file = |named: &DenoisedFile, pattern: &Pattern| DenoisedFile {
+            path: pattern.path(number),
+            layer: named.layer.clone(),
+        };
+        let [a, b] = &self.named.halves;
+        MoreDenoised {
+            halves: [file(a, &self.halves[0]), file(b, &self.halves[1])],
+            full: self.named.full.as_ref().zip(self.full.as_ref()).map(|(named, pattern)| file(named, pattern)),
+        }
     }
 }
 

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`frame_args`] | the arguments that name a frame, or the frames of a shot |
 //! | [`run_args`] | how much is printed, threads, strength |
+//! | [`denoising`] | denoised pictures that the files do not hold |
 //! | [`reading`] | from files to a frame that was looked over |
 //! | [`failure`] | how a command ends: messages and exit codes |
 //! | [`interrupt`] | Ctrl-C and SIGTERM |
@@ -12,6 +13,7 @@
 //! | [`record`] | what reports and pictures record: roles, provenance, memory |
 #![forbid(unsafe_code)]
 
+pub mod denoising;
 pub mod failure;
 pub mod frame_args;
 pub mod interrupt;
@@ -22,6 +24,7 @@ pub mod reading;
 pub mod record;
 pub mod run_args;
 
+pub use denoising::{DenoiserReport, Denoising, KeptModes};
 pub use failure::{Code, Failure};
 pub use frame_args::{FrameArgs, FrameJob};
 pub use run_args::{ProgressFormat, RunArgs, Verbosity};

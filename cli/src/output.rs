@@ -87,7 +87,16 @@ impl Output {
 /// Which channel fills a role, as a line.
 pub fn role_line(source: &RoleSource) -> String {
     let channels = source.channels.join(",");
-    format!("  {} of {} from {} [{channels}]", source.role, source.buffer, source.path.display())
+    let role = role_name(source);
+    format!("  {role} of {} from {} [{channels}]", source.buffer, source.path.display())
+}
+
+/// What messages call a role; further denoised pictures have numbers.
+pub fn role_name(source: &RoleSource) -> String {
+    match source.variant {
+        0 => source.role.to_string(),
+        number => format!("further {} {number}", source.role),
+    }
 }
 
 /// Text to standard output, all of it.

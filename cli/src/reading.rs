@@ -19,7 +19,7 @@ pub enum Source {
     /// Memory.
     Held(Box<Frame>),
     /// Its files, again and again, without the places where the halves show different things.
-    Files(OpenFrame, Option<DifferentPlaces>),
+    Files(Box<OpenFrame>, Option<DifferentPlaces>),
 }
 
 impl Source {
@@ -27,7 +27,7 @@ impl Source {
     pub fn variants(&self) -> usize {
         match self {
             Source::Held(frame) => frame.variants.len(),
-            Source::Files(..) => 0,
+            Source::Files(open, _) => open.variants(),
         }
     }
 }
@@ -140,7 +140,7 @@ impl ReadFrame {
         let mut warnings = open.warnings(&inspection)?;
         let different = comparison.finish();
         let roles = open.sources();
-        let source = Source::Files(open, different.clone());
+        let source = Source::Files(Box::new(open), different.clone());
         if let Some(places) = &different {
             stats = FrameStats::of_bands(height * width, exposure, |look| {
                 for top in (0..height).step_by(LOOKED_AT) {

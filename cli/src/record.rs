@@ -1,5 +1,6 @@
 //! What reports and pictures record of how they came about.
 
+use crate::output::role_name;
 use serde::Serialize;
 use sspc_image::RoleSource;
 use std::path::Path;
@@ -20,7 +21,7 @@ pub struct FilledRole {
 impl From<&RoleSource> for FilledRole {
     fn from(source: &RoleSource) -> Self {
         FilledRole {
-            role: source.role.to_string(),
+            role: role_name(source),
             buffer: source.buffer.to_string(),
             file: shown_path(&source.path),
             channels: source.channels.clone(),

@@ -110,6 +110,12 @@ impl ExrFile {
         Ok(whole.map(|((image, (_, window)), inside)| within(image, inside, *window)).collect())
     }
 
+    /// Index of a channel by its exact name, else without regard to case.
+    pub fn channel_named(&self, name: &str) -> Option<usize> {
+        let exact = self.channels.iter().position(|channel| channel.name == name);
+        exact.or_else(|| self.channels.iter().position(|channel| channel.name.to_lowercase() == name.to_lowercase()))
+    }
+
     /// What a part is stored with, if that is lossy.
     pub fn lossy(&self, part: usize) -> Option<String> {
         Some(&self.container.parts[part]).filter(|part| part.is_lossy()).map(Part::method_name)

@@ -15,19 +15,39 @@ pub struct FrameFiles {
     /// Files that hold one role of one buffer each, beside the above: denoised halves, the denoised
     /// full buffer, features.
     pub roles: BTreeMap<(Role, Buffer), PathBuf>,
+    /// Further denoised pictures of the same samples, in the order of the models that are fitted to them.
+    pub more_denoised: Vec<MoreDenoised>,
     /// The reference, if there is one.
     pub reference: Option<PathBuf>,
+}
+
+/// What a further denoiser, or the same with other settings, made of a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MoreDenoised {
+    /// Of half a and of half b.
+    pub halves: [DenoisedFile; 2],
+    /// Of the full buffer.
+    pub full: Option<DenoisedFile>,
+}
+
+/// A file with a denoised picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DenoisedFile {
+    /// The file.
+    pub path: PathBuf,
+    /// The layer; recognised without it.
+    pub layer: Option<String>,
 }
 
 impl FrameFiles {
     /// Two files, one per half.
     pub fn halves(a: impl Into<PathBuf>, b: impl Into<PathBuf>) -> Self {
-        Self { a: a.into(), b: Some(b.into()), roles: BTreeMap::new(), reference: None }
+        Self { b: Some(b.into()), ..Self::both_in_one(a) }
     }
 
     /// One file whose layers hold both halves.
     pub fn both_in_one(file: impl Into<PathBuf>) -> Self {
-        Self { a: file.into(), b: None, roles: BTreeMap::new(), reference: None }
+        Self { a: file.into(), b: None, roles: BTreeMap::new(), more_denoised: Vec::new(), reference: None }
     }
 
     /// Takes `role` of `buffer` from a file of its own.
@@ -45,6 +65,12 @@ impl FrameFiles {
                 None => files,
             },
         )
+    }
+
+    /// Adds further denoised pictures.
+    pub fn with_more_denoised(mut self, more: Vec<MoreDenoised>) -> Self {
+        self.more_denoised.extend(more);
+        self
     }
 
     /// Adds the reference.
@@ -88,6 +114,8 @@ impl FrameFiles {
     /// Every file that reading this frame may open: none of them may be an output.
     pub fn all(&self) -> Vec<PathBuf> {
         let halves = std::iter::once(&self.a).chain(&self.b);
-        halves.chain(self.roles.values()).chain(&self.reference).cloned().collect()
+        let more =
+            self.more_denoised.iter().flat_map(|more| more.halves.iter().chain(&more.full)).map(|file| &file.path);
+        halves.chain(self.roles.values()).chain(&self.reference).chain(more).cloned().collect()
     }
 }

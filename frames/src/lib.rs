@@ -44,8 +44,8 @@ pub mod temporary;
 pub mod window;
 
 pub use atomic::atomic_write;
-pub use files::FrameFiles;
-pub use open::OpenFrame;
+pub use files::{DenoisedFile, FrameFiles, MoreDenoised};
+pub use open::{Made, MadeVariant, OpenFrame};
 pub use output::OutputPlan;
 pub use overrides::RoleOverrides;
 pub use read::{read_picture, read_reference};

@@ -9,7 +9,7 @@ use crate::output::OutputPlan;
 use crate::overrides::RoleOverrides;
 use crate::resolve::{Filled, Resolution, resolve};
 use rayon::prelude::*;
-use sspc_image::{Buffer, Frame, FrameRows, HalfBuffer, Image, Role, RoleSource};
+use sspc_image::{Buffer, CompactImage, DenoisedVariant, Frame, FrameRows, HalfBuffer, Image, Role, RoleSource};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -17,15 +17,99 @@ use std::ops::Range;
 /// Files whose channels are known to make a frame.
 pub struct OpenFrame {
     resolution: Resolution,
+    made: Made,
+}
+
+/// Denoised pictures of a frame that are not in its files.
+#[derive(Clone, Debug, Default)]
+pub struct Made {
+    /// z of half a and of half b, `[3, H, W]`, where the files have none.
+    pub halves: Option<[CompactImage; 2]>,
+    /// z of the full buffer, where the files have none.
+    pub full: Option<CompactImage>,
+    /// Further ones, after those of the files.
+    pub variants: Vec<MadeVariant>,
+}
+
+/// A further denoised picture that is not in the files.
+#[derive(Clone, Debug)]
+pub struct MadeVariant {
+    /// z of half a and of half b, `[3, H, W]`.
+    pub halves: [CompactImage; 2],
+    /// z of the full buffer.
+    pub full: CompactImage,
+}
+
+/// What a denoiser is given of a half.
+pub struct NoisyHalf {
+    /// Linear radiance, `[3, H, W]`.
+    pub radiance: Image,
+    /// Albedo, `[3, H, W]`.
+    pub albedo: Option<Image>,
+    /// Normal, `[3, H, W]`.
+    pub normal: Option<Image>,
 }
 
 impl OpenFrame {
     /// Finds the roles, reading headers only.
     ///
     /// # Errors
-    /// As [`resolve`].
+    /// As [`resolve`], and denoised halves that are not there.
     pub fn open(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Self, Error> {
-        Ok(Self { resolution: resolve(files, overrides)? })
+        let mut open = Self::open_to_denoise(files, overrides)?;
+        open.resolution.undenoised.take().map_or(Ok(open), Err)
+    }
+
+    /// The same, where denoised halves may be missing. [`Self::supply`] gives them before rows are asked for.
+    ///
+    /// # Errors
+    /// As [`resolve`].
+    pub fn open_to_denoise(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Self, Error> {
+        Ok(Self { resolution: resolve(files, overrides)?, made: Made::default() })
+    }
+
+    /// What is wrong with a frame without denoised halves.
+    pub fn undenoised(&self) -> Option<&Error> {
+        self.resolution.undenoised.as_ref().filter(|_| self.made.halves.is_none())
+    }
+
+    /// Whether the files have this role of the buffer.
+    pub fn has(&self, role: Role, buffer: Buffer) -> bool {
+        self.resolution.get(role, buffer).is_some()
+    }
+
+    /// Takes denoised pictures that were made of [`Self::noisy_rows`].
+    ///
+    /// # Panics
+    /// When one of them has another size than the frame.
+    pub fn supply(&mut self, made: Made) {
+        let variants = made.variants.iter().flat_map(|variant| variant.halves.iter().chain([&variant.full]));
+        let size = (self.height(), self.width());
+        for picture in made.halves.iter().flatten().chain(&made.full).chain(variants) {
+            assert_eq!((picture.height(), picture.width()), size, "size of a denoised picture");
+        }
+        self.made = made;
+    }
+
+    /// Some rows of what a denoiser is given, of half a and of half b.
+    ///
+    /// # Errors
+    /// As [`Self::rows`].
+    ///
+    /// # Panics
+    /// When the rows leave the picture.
+    pub fn noisy_rows(&self, rows: Range<usize>) -> Result<[NoisyHalf; 2], Error> {
+        let wanted = |filled: &Filled| matches!(filled.role, Role::Radiance | Role::Albedo | Role::Normal);
+        let mut images = self.decode(rows, wanted)?;
+        Ok([Buffer::A, Buffer::B].map(|buffer| {
+            let mut take = |role| images.remove(&(role, buffer, 0));
+            let (Some(radiance), albedo, normal) = (take(Role::Radiance), take(Role::Albedo), take(Role::Normal))
+            else {
+                // resolve() has refused frames without colour.
+                unreachable!("a resolved frame has both halves");
+            };
+            NoisyHalf { radiance, albedo, normal }
+        }))
     }
 
     /// Rows of the frame.
@@ -61,7 +145,22 @@ impl OpenFrame {
 
     /// Planes of all roles together.
     pub fn planes(&self) -> usize {
-        self.resolution.filled.iter().map(|filled| filled.channels.len()).sum()
+        let read: usize = self.resolution.filled.iter().map(|filled| filled.channels.len()).sum();
+        let made = self.made.halves.iter().flatten().count() + self.made.full.iter().count();
+        // Where there are further pictures, z is among them once more.
+        let again = if self.variants() > 0 { 3 } else { 0 };
+        read + 3 * (made + 3 * self.made.variants.len() + again)
+    }
+
+    /// How many variants of z the frame has; none where that is z alone.
+    pub fn variants(&self) -> usize {
+        let further = self.further_in_files() + self.made.variants.len();
+        if further > 0 { further + 1 } else { 0 }
+    }
+
+    /// Further denoised pictures in the files.
+    fn further_in_files(&self) -> usize {
+        self.resolution.filled.iter().map(|filled| filled.variant).max().unwrap_or(0)
     }
 
     /// Which channels fill which role, in the order read.
@@ -69,32 +168,63 @@ impl OpenFrame {
         self.resolution.filled.iter().map(|filled| self.resolution.source(filled)).collect()
     }
 
-    /// Decodes some rows of every role, values as in the files.
+    /// Some rows of every role: decoded, values as in the files; denoised pictures that were made as they are.
     ///
     /// # Errors
     /// [`Error::Damaged`] and what else reading a file can raise.
     ///
     /// # Panics
-    /// When the rows leave the picture.
+    /// When the rows leave the picture, and when denoised halves are neither in the files nor supplied.
     pub fn rows(&self, rows: Range<usize>) -> Result<Frame, Error> {
+        let mut images = self.decode(rows.clone(), |_| true)?;
+        let made = |picture: &CompactImage| picture.rows(rows.clone());
+        let further = self.further_in_files();
+        let mut variants: Vec<DenoisedVariant> = Vec::new();
+        for variant in 1..=further {
+            let [a, b, full] =
+                [Buffer::A, Buffer::B, Buffer::Full].map(|buffer| images.remove(&(Role::Denoised, buffer, variant)));
+            // resolve() has found both halves of each.
+            let (Some(a), Some(b)) = (a, b) else { unreachable!("a further denoised picture has both halves") };
+            variants.push(DenoisedVariant { halves: [a, b], full });
+        }
+        for variant in &self.made.variants {
+            variants
+                .push(DenoisedVariant { halves: variant.halves.each_ref().map(made), full: Some(made(&variant.full)) });
+        }
+        if let Some(halves) = &self.made.halves {
+            for (buffer, picture) in [Buffer::A, Buffer::B].into_iter().zip(halves) {
+                images.insert((Role::Denoised, buffer, 0), made(picture));
+            }
+        }
+        let a = take_half(&mut images, Buffer::A);
+        let b = take_half(&mut images, Buffer::B);
+        let denoised = images.remove(&(Role::Denoised, Buffer::Full, 0)).or_else(|| self.made.full.as_ref().map(made));
+        let (Some(a), Some(b)) = (a, b) else { panic!("rows of a frame without denoised halves") };
+        if !variants.is_empty() {
+            let first = [&a.denoised, &b.denoised].map(Image::clone);
+            variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
+        }
+        Ok(Frame { a, b, denoised, variants })
+    }
+
+    /// Some rows of the roles that are wanted.
+    fn decode(
+        &self,
+        rows: Range<usize>,
+        wanted: impl Fn(&Filled) -> bool + Sync,
+    ) -> Result<BTreeMap<Key, Image>, Error> {
         assert!(rows.start < rows.end && rows.end <= self.height(), "rows {rows:?} of {}", self.height());
         let of_file = |at: usize| {
-            let wanted: Vec<_> = self.resolution.filled.iter().filter(|filled| filled.file == at).collect();
+            let of_file = |filled: &&Filled| filled.file == at && wanted(filled);
+            let wanted: Vec<_> = self.resolution.filled.iter().filter(of_file).collect();
             let part = |filled: &&Filled| (filled.channels.clone(), filled.window.rows(rows.clone()));
             let images = self.resolution.files[at].windows(&wanted.iter().map(part).collect::<Vec<_>>())?;
-            Ok(wanted.into_iter().map(|filled| (filled.role, filled.buffer)).zip(images).collect::<Vec<_>>())
+            let key = |filled: &Filled| (filled.role, filled.buffer, filled.variant);
+            Ok(wanted.into_iter().map(key).zip(images).collect::<Vec<_>>())
         };
         let files = (0..self.resolution.files.len()).into_par_iter();
         let decoded = files.map(of_file).collect::<Result<Vec<_>, Error>>()?;
-        let mut images: BTreeMap<(Role, Buffer), Image> = decoded.into_iter().flatten().collect();
-        let a = take_half(&mut images, Buffer::A);
-        let b = take_half(&mut images, Buffer::B);
-        let denoised = images.remove(&(Role::Denoised, Buffer::Full));
-        let (Some(a), Some(b)) = (a, b) else {
-            // resolve() has refused frames without colour or denoised colour.
-            unreachable!("a resolved frame has both halves");
-        };
-        Ok(Frame { a, b, denoised, variants: Vec::new() })
+        Ok(decoded.into_iter().flatten().collect())
     }
 
     /// An inspection that has looked at nothing yet.
@@ -113,13 +243,16 @@ impl OpenFrame {
     }
 }
 
-fn take_half(images: &mut BTreeMap<(Role, Buffer), Image>, buffer: Buffer) -> Option<HalfBuffer> {
+/// What an image is: role, buffer and variant.
+type Key = (Role, Buffer, usize);
+
+fn take_half(images: &mut BTreeMap<Key, Image>, buffer: Buffer) -> Option<HalfBuffer> {
     Some(HalfBuffer {
-        radiance: images.remove(&(Role::Radiance, buffer))?,
-        denoised: images.remove(&(Role::Denoised, buffer))?,
-        albedo: images.remove(&(Role::Albedo, buffer)),
-        normal: images.remove(&(Role::Normal, buffer)),
-        visibility: images.remove(&(Role::Visibility, buffer)),
+        radiance: images.remove(&(Role::Radiance, buffer, 0))?,
+        denoised: images.remove(&(Role::Denoised, buffer, 0))?,
+        albedo: images.remove(&(Role::Albedo, buffer, 0)),
+        normal: images.remove(&(Role::Normal, buffer, 0)),
+        visibility: images.remove(&(Role::Visibility, buffer, 0)),
     })
 }
 

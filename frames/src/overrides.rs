@@ -8,8 +8,11 @@
 //! ```
 //! Without `-a` or `-b` both halves are meant. Examples: `albedo=diffuse_color`, `normal=N.x,N.y,N.z`,
 //! `radiance-b=odd`, `denoised-full=full.exr`, `albedo-a=features_a.exr:albedo`, `visibility=none`.
+//!
+//! Further denoised pictures are `more := ZA,ZB | ZA,ZB,Z`, each of them `FILE.exr` or `FILE.exr:LAYER`.
 
 use crate::error::Error;
+use crate::files::{DenoisedFile, MoreDenoised};
 use crate::names::component_count;
 use sspc_image::{Buffer, Role, shown};
 use std::collections::BTreeMap;
@@ -130,6 +133,24 @@ impl FromStr for RoleOverrides {
     }
 }
 
+impl FromStr for MoreDenoised {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let file = |source: &str| match split_file(source.trim()) {
+            (Some(path), "") => Ok(DenoisedFile { path, layer: None }),
+            (Some(path), layer) => Ok(DenoisedFile { path, layer: Some(layer.to_string()) }),
+            (None, _) => Err(wrong(text, "FILE.exr or FILE.exr:LAYER for each picture", format!("'{source}'"))),
+        };
+        let files = text.split(',').map(file).collect::<Result<Vec<_>, Error>>()?;
+        match files.as_slice() {
+            [a, b] => Ok(Self { halves: [a.clone(), b.clone()], full: None }),
+            [a, b, full] => Ok(Self { halves: [a.clone(), b.clone()], full: Some(full.clone()) }),
+            files => Err(wrong(text, "ZA.exr,ZB.exr or ZA.exr,ZB.exr,Z.exr", format!("{} pictures", files.len()))),
+        }
+    }
+}
+
 fn wrong(text: &str, expected: &str, found: impl Into<String>) -> Error {
     Error::Override { text: shown(text), expected: expected.to_string(), found: shown(&found.into()) }
 }
@@ -165,8 +186,7 @@ fn parse_source(text: &str, role: Role, source: &str) -> Result<Choice, Error> {
         return Err(wrong(text, "a layer, channels, a file or none after '='", "nothing"));
     }
     if source.eq_ignore_ascii_case("none") {
-        let required = matches!(role, Role::Radiance | Role::Denoised);
-        return if required {
+        return if role == Role::Radiance {
             Err(wrong(text, "a source, as this role is required", "none"))
         } else {
             Ok(Choice::Absent)
@@ -225,6 +245,19 @@ mod tests {
         ] {
             let overrides: RoleOverrides = text.parse().expect(text);
             assert_eq!(overrides.get(role, buffer).cloned(), choice, "{text}");
+        }
+    }
+
+    #[test]
+    fn further_denoised_pictures_are_two_or_three_files() {
+        let more: MoreDenoised = "za.exr,zb.exr:deno, z.1.exr".parse().expect("three pictures");
+        let file =
+            |path: &str, layer: Option<&str>| DenoisedFile { path: path.into(), layer: layer.map(str::to_string) };
+        assert_eq!(more.halves, [file("za.exr", None), file("zb.exr", Some("deno"))]);
+        assert_eq!(more.full, Some(file("z.1.exr", None)));
+        assert_eq!("a.exr,b.exr".parse::<MoreDenoised>().map(|more| more.full).ok(), Some(None));
+        for text in ["a.exr", "a.exr,b.exr,c.exr,d.exr", "a.exr,deno", ""] {
+            assert!(text.parse::<MoreDenoised>().is_err(), "{text}");
         }
     }
 

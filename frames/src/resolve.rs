@@ -3,7 +3,7 @@
 use crate::align::{Aligned, align};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
-use crate::files::FrameFiles;
+use crate::files::{DenoisedFile, FrameFiles};
 use crate::layers::{Layers, Reading};
 use crate::names::{candidates, component_count, noisy};
 use crate::overrides::{Choice, RoleOverrides, Selection};
@@ -19,6 +19,8 @@ pub struct Filled {
     pub role: Role,
     /// Of which samples.
     pub buffer: Buffer,
+    /// 0, or from 1 on for further denoised pictures.
+    pub variant: usize,
     /// Index into [`Resolution::files`].
     pub file: usize,
     /// Indices into the file's channels, in component order.
@@ -35,6 +37,8 @@ pub struct Resolution {
     pub filled: Vec<Filled>,
     /// The pixels that all roles have, in half a's coordinates.
     pub window: Window,
+    /// What is wrong with a frame without denoised halves, unless they come from elsewhere.
+    pub undenoised: Option<Error>,
     /// What a person should know.
     pub warnings: Vec<String>,
 }
@@ -42,7 +46,7 @@ pub struct Resolution {
 impl Resolution {
     /// The channels chosen for a role, if any.
     pub fn get(&self, role: Role, buffer: Buffer) -> Option<&Filled> {
-        self.filled.iter().find(|filled| (filled.role, filled.buffer) == (role, buffer))
+        self.filled.iter().find(|filled| (filled.role, filled.buffer, filled.variant) == (role, buffer, 0))
     }
 
     /// The noisy colour of half a, which every frame has.
@@ -57,7 +61,8 @@ impl Resolution {
     pub fn source(&self, filled: &Filled) -> RoleSource {
         let file = &self.files[filled.file];
         let channels = filled.channels.iter().map(|&at| file.channels[at].name.clone()).collect();
-        RoleSource { role: filled.role, buffer: filled.buffer, path: file.path.clone(), channels }
+        let Filled { role, buffer, variant, .. } = *filled;
+        RoleSource { role, buffer, variant, path: file.path.clone(), channels }
     }
 }
 
@@ -72,11 +77,17 @@ pub fn views(files: &FrameFiles) -> Result<Vec<String>, Error> {
 /// Finds the channels of every role, reading headers only.
 ///
 /// # Errors
-/// Files that cannot be read, a missing required role, an override that names no channel, and windows without anything in
+/// Files that cannot be read, a missing required role (of denoised halves one alone), an override that names no channel, and windows without anything in
 /// common.
 pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resolution, Error> {
-    let mut search =
-        Search { given: files, overrides, opened: Vec::new(), anchors: [None, None], warnings: Vec::new() };
+    let mut search = Search {
+        given: files,
+        overrides,
+        opened: Vec::new(),
+        anchors: [None, None],
+        undenoised: None,
+        warnings: Vec::new(),
+    };
     let mut filled: Vec<Filled> = Vec::new();
     for role in Role::ALL {
         for buffer in [Buffer::A, Buffer::B, Buffer::Full] {
@@ -86,13 +97,25 @@ pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resoluti
             }
         }
     }
+    let mut undenoised = search.undenoised.take();
+    if filled.iter().any(|known| known.role == Role::Denoised && known.buffer != Buffer::Full) {
+        // One half alone.
+        undenoised.take().map_or(Ok(()), Err)?;
+    }
+    for (at, more) in files.more_denoised.iter().enumerate() {
+        let pictures =
+            more.halves.iter().zip([Buffer::A, Buffer::B]).chain(more.full.iter().map(|z| (z, Buffer::Full)));
+        for (file, buffer) in pictures {
+            filled.push(search.further(file, buffer, at + 1)?);
+        }
+    }
     drop_lonely_features(&mut filled, &search.opened, &mut search.warnings);
     search.name_other_views();
     let Search { opened, mut warnings, .. } = search;
     let files: Vec<ExrFile> = opened.into_iter().map(|(file, _)| file).collect();
     let Aligned { window, said } = align(&files, &mut filled)?;
     warnings.extend(said);
-    Ok(Resolution { files, filled, window, warnings })
+    Ok(Resolution { files, filled, window, undenoised, warnings })
 }
 
 struct Search<'a> {
@@ -101,6 +124,8 @@ struct Search<'a> {
     opened: Vec<(ExrFile, Layers)>,
     /// Where the noisy colour of half a and of half b is.
     anchors: [Option<Anchor>; 2],
+    /// Why a denoised half is not there.
+    undenoised: Option<Error>,
     warnings: Vec<String>,
 }
 
@@ -108,7 +133,7 @@ impl Search<'_> {
     fn fill(&mut self, role: Role, buffer: Buffer, half_a: Option<&Filled>) -> Result<Option<Filled>, Error> {
         let purpose = Purpose::Role(role, buffer);
         let (file, hit) = match self.overrides.get(role, buffer).cloned() {
-            Some(Choice::Absent) => return Ok(None),
+            Some(Choice::Absent) => (self.open(&self.home(role, buffer), purpose)?, None),
             Some(Choice::From { file: path, selection }) => {
                 let path = path.unwrap_or_else(|| self.home(role, buffer));
                 let file = self.open(&path, purpose)?;
@@ -123,8 +148,15 @@ impl Search<'_> {
             },
         };
         let Some(hit) = hit else {
-            let required = buffer != Buffer::Full && matches!(role, Role::Radiance | Role::Denoised);
-            return if required { Err(self.missing(file, role, buffer)) } else { Ok(None) };
+            return match role {
+                Role::Radiance => Err(self.missing(file, role, buffer)),
+                Role::Denoised if buffer != Buffer::Full => {
+                    let missing = self.missing(file, role, buffer);
+                    self.undenoised.get_or_insert(missing);
+                    Ok(None)
+                }
+                _ => Ok(None),
+            };
         };
         if buffer == Buffer::A {
             self.tell_of(&hit, file, purpose);
@@ -134,7 +166,17 @@ impl Search<'_> {
             self.anchors[usize::from(buffer == Buffer::B)] = anchor;
         }
         let window = self.opened[file].0.channels[hit.channels[0]].window;
-        Ok(Some(Filled { role, buffer, file, channels: hit.channels, window }))
+        Ok(Some(Filled { role, buffer, variant: 0, file, channels: hit.channels, window }))
+    }
+
+    /// A further denoised picture.
+    fn further(&mut self, from: &DenoisedFile, buffer: Buffer, variant: usize) -> Result<Filled, Error> {
+        let role = Role::Denoised;
+        let file = self.open(&from.path, Purpose::Role(role, buffer))?;
+        let selection = from.layer.clone().map_or(Selection::Recognised, Selection::Layer);
+        let channels = self.chosen(file, role, buffer, &selection)?.channels;
+        let window = self.opened[file].0.channels[channels[0]].window;
+        Ok(Filled { role, buffer, variant, file, channels, window })
     }
 
     fn tell_of(&mut self, hit: &Hit, file: usize, purpose: Purpose) {
@@ -243,7 +285,7 @@ impl Search<'_> {
     /// The channels by which half a names a role, in half b: two files of a frame are made alike.
     fn same_names(&self, file: usize, role: Role, names: &[String]) -> Result<Option<Hit>, Error> {
         let (exr, layers) = &self.opened[file];
-        let same: Option<Vec<usize>> = names.iter().map(|name| named_channel(exr, name)).collect();
+        let same: Option<Vec<usize>> = names.iter().map(|name| exr.channel_named(name)).collect();
         let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
         match same {
             Some(channels) => Ok(Some(Hit::of(channels))),
@@ -272,11 +314,11 @@ impl Search<'_> {
             Selection::Layer(name) => {
                 // One channel by its full name is a layer of one component.
                 let may_be_grey = role == Role::Radiance || self.anchor(buffer).is_some_and(|anchor| anchor.is_grey);
-                let only = || named_channel(exr, name).filter(|_| may_be_grey || component_count(role) == 1).map(grey);
+                let only = || exr.channel_named(name).filter(|_| may_be_grey || component_count(role) == 1).map(grey);
                 layers.named(name, role, view, may_be_grey).or_else(only)
             }
             Selection::Channels(names) => {
-                names.iter().map(|name| named_channel(exr, name)).collect::<Option<Vec<_>>>().map(Hit::of)
+                names.iter().map(|name| exr.channel_named(name)).collect::<Option<Vec<_>>>().map(Hit::of)
             }
         };
         hit.ok_or_else(|| {
@@ -343,12 +385,6 @@ impl Search<'_> {
 /// What else a role may be given in, for messages.
 fn own_file(role: Role) -> &'static str {
     if role == Role::Denoised { " or a file of its own" } else { "" }
-}
-
-/// A channel by its exact name, else without regard to case.
-fn named_channel(file: &ExrFile, name: &str) -> Option<usize> {
-    let exact = file.channels.iter().position(|channel| channel.name == name);
-    exact.or_else(|| file.channels.iter().position(|channel| channel.name.to_lowercase() == name.to_lowercase()))
 }
 
 /// A feature that only one half has cannot be used.

@@ -10,6 +10,8 @@ pub struct RoleSource {
     pub role: Role,
     /// Which samples they were made from.
     pub buffer: Buffer,
+    /// 0 for what every frame has, from 1 on for further denoised pictures ([`Frame::variants`]).
+    pub variant: usize,
     /// The file.
     pub path: PathBuf,
     /// Full channel names as in the file, in component order.

@@ -1,6 +1,7 @@
 //! Planar images, and what a frame consists of: the types that files and method share.
 #![forbid(unsafe_code)]
 
+mod compact;
 mod display;
 mod epsilon;
 mod frame;
@@ -9,6 +10,7 @@ mod role;
 mod rows;
 mod shown;
 
+pub use compact::CompactImage;
 pub use display::display;
 pub use epsilon::REL_L2_EPSILON;
 pub use frame::{DenoisedVariant, Frame, HalfBuffer, Reference, RoleSource};

@@ -416,3 +416,19 @@ fn an_unknown_instruction_set_ends_with_2_and_names_the_known_ones() {
     assert!(message.contains("SSPC_ISA: expected ") && message.contains("portable, found \"avx3\""), "{message}");
     assert!(!folder.path().join("out.exr").exists());
 }
+
+#[test]
+fn further_denoised_pictures_of_a_shot_have_a_place_for_the_frame() {
+    let folder = shot();
+    let more = ["--denoised-more", "a.####.exr:denoised,b.####.exr:denoised", "--dry-run"];
+    let output = run(folder.path(), &shot_arguments("1-2", &more));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(told.contains("further denoised colour 1 of half b from b.0002.exr"), "{told}");
+    let one = ["--denoised-more", "a.0001.exr:denoised,b.0001.exr:denoised", "--dry-run"];
+    let output = run(folder.path(), &shot_arguments("1-2", &one));
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    let output = run(folder.path(), &shot_arguments("1-2", &["--denoised-more", "a.####.exr", "--dry-run"]));
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(stderr(&output).contains("ZA.exr,ZB.exr"), "{}", stderr(&output));
+}

@@ -13,7 +13,7 @@ use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
 use sspc_cli::record::peak_rss_bytes;
-use sspc_cli::{Code, Failure, interrupt};
+use sspc_cli::{Code, Denoising, Failure, interrupt};
 use sspc_core::estimate::Mean;
 use sspc_core::frame_sums::Verdict;
 use sspc_core::prepare::Prepared;
@@ -40,10 +40,14 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     };
     let overrides = args.frame.overrides()?;
     let jobs = args.frame.jobs(args.reference.as_deref())?;
+    let denoising = Denoising::new(&args.frame.denoise);
     let mut frames = Vec::new();
     for job in jobs {
         for view in args.frame.overrides_of_views(&job.files)? {
-            frames.push(read(job.clone(), &view, &settings)?);
+            if args.run.dry_run && denoising.describe_frame(&output, &job, &view)? {
+                continue;
+            }
+            frames.push(read(job.clone(), &view, &settings, &denoising)?);
         }
     }
     let (inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
@@ -59,7 +63,9 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         settings = settings.shared_by(prepared.first().map_or(1, Prepared::networks));
     }
     let initial = initial_networks(initial, &settings, &prepared)?;
-    let limits = Limits { steps: args.steps, time: args.time_limit.map(Duration::from_secs_f64) };
+    // Without any of the correction there is nothing to train for.
+    let steps = if args.run.strength == 0.0 { Some(0) } else { args.steps };
+    let limits = Limits { steps, time: args.time_limit.map(Duration::from_secs_f64) };
     let frames: Vec<&Prepared> = prepared.iter().collect();
     let mut progress = Progress::new(&output, initial.len());
     let fitted = fit_variants(&frames, &settings, initial, &limits, args.backend, isa, |step| {
@@ -153,6 +159,7 @@ fn report(
         found: input.stats.found,
         independence: input.stats.independence,
         roles: input.roles.iter().map(Into::into).collect(),
+        denoiser: input.denoiser.clone(),
         skipped: input.skipped.clone(),
         warnings: input.warnings.clone(),
         settings: settings.clone(),
@@ -164,6 +171,7 @@ fn report(
 fn say_what_was_read(output: &Output, input: &Input) {
     output.say(&format!("{}: {} x {} pixels", input.name, input.denoised.width(), input.denoised.height()));
     input.roles.iter().for_each(|source| output.say(&role_line(source)));
+    input.denoiser.iter().for_each(|made| output.say(&made.line()));
     output.detail(&format!("  {}", input.stats.independence));
     input.warnings.iter().for_each(|warning| output.say(&format!("  note: {warning}")));
     output.say(&format!("  the picture replaces {}", input.output.channels().join(", ")));

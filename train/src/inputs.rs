@@ -3,7 +3,7 @@
 use crate::preset::Settings;
 use crate::report::{Rivals, Skipped, skipped};
 use sspc_cli::reading::{ReadFrame, Source};
-use sspc_cli::{Failure, FrameJob};
+use sspc_cli::{DenoiserReport, Denoising, Failure, FrameJob};
 use sspc_core::fill::values_from_sources;
 use sspc_core::frame_stats::FrameStats;
 use sspc_core::prepare::{Prepared, baseline};
@@ -28,6 +28,8 @@ pub struct Input {
     pub output: OutputPlan,
     /// Which channel filled which role, in the order read.
     pub roles: Vec<RoleSource>,
+    /// Which denoised pictures were made, where the files do not hold them.
+    pub denoiser: Option<DenoiserReport>,
     /// What a person should know.
     pub warnings: Vec<String>,
     /// What was decided for the whole frame.
@@ -80,13 +82,19 @@ fn file_text(view: &str) -> String {
     view.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect()
 }
 
-/// Reads one frame and its reference, and prepares it.
+/// Reads one frame and its reference, and prepares it; what its files do not hold is denoised first.
 ///
 /// # Errors
-/// What reading a file can raise, and halves that cannot be used.
-pub fn read(job: FrameJob, overrides: &RoleOverrides, settings: &Settings) -> Result<(Input, Prepared), Failure> {
+/// What reading a file can raise, halves that cannot be used, and no denoiser where one is needed.
+pub fn read(
+    job: FrameJob,
+    overrides: &RoleOverrides,
+    settings: &Settings,
+    denoising: &Denoising,
+) -> Result<(Input, Prepared), Failure> {
     let FrameJob { number, files } = job;
-    let open = OpenFrame::open(&files, overrides)?;
+    let mut open = OpenFrame::open_to_denoise(&files, overrides)?;
+    let denoiser = denoising.supply(&mut open)?;
     let output = open.output()?;
     let ReadFrame { source, stats, roles, warnings, different } = ReadFrame::held(&open, settings.exposure)?;
     let Source::Held(frame) = source else { unreachable!("a frame that is held") };
@@ -118,6 +126,7 @@ pub fn read(job: FrameJob, overrides: &RoleOverrides, settings: &Settings) -> Re
         files,
         output,
         roles,
+        denoiser,
         warnings,
         stats,
         features: prepared.set,

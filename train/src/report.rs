@@ -3,6 +3,7 @@
 use crate::fit::{End, StepRecord};
 use crate::preset::{Preset, Settings};
 use serde::Serialize;
+use sspc_cli::DenoiserReport;
 use sspc_cli::record::FilledRole;
 use sspc_core::composition::Composition;
 use sspc_core::estimate::{Estimate, Losses, Mean};
@@ -197,6 +198,9 @@ pub struct FitReport {
     pub independence: Independence,
     /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
+    /// Which denoised pictures were made, where the files do not hold them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub denoiser: Option<DenoiserReport>,
     /// What was left out, and why.
     pub skipped: Vec<Skipped>,
     /// What a person should know.

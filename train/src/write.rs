@@ -9,7 +9,7 @@ use crate::preset::Settings;
 use crate::report::FitReport;
 use rayon::prelude::*;
 use sspc_cli::record::{self, peak_rss_bytes};
-use sspc_cli::{Code, Failure};
+use sspc_cli::{Code, Failure, KeptModes};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::preview::{Rgb8, error_map, strip, tone_map, write_png};
 use sspc_frames::{OutputPlan, RoleOverrides};
@@ -115,7 +115,7 @@ pub fn write_outputs(
             shown.extend(names.map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p)));
         }
         let corrected: Vec<&Image> = outcomes.iter().map(|outcome| &outcome.corrected).collect();
-        let provenance = provenance(what, &outcomes[0]);
+        let provenance = provenance(what, &inputs[0], &outcomes[0]);
         let (written, shown) = rayon::join(
             || plan.write(&path, &protected, &corrected, &provenance),
             || shown.par_iter().try_for_each(|(path, preview)| write_png(path, &protected, preview)),
@@ -151,18 +151,22 @@ fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Mo
     if !settings.changes.is_empty() {
         contract.extra.insert("settings_changed".into(), settings.changes.join(" "));
     }
+    if let Some(made) = &inputs[0].denoiser {
+        contract.extra.insert(KeptModes::KEY.into(), made.kept().to_string());
+    }
     contract.networks = fitted.networks.len();
     let weights = fitted.networks.iter().flat_map(|network| network.weights.iter().copied()).collect();
     Model::new(contract, weights).map_err(|error| Failure::new(Code::Run, error.to_string(), ""))
 }
 
 /// How the picture was made, for its attributes.
-fn provenance(&Written { args, fitted, .. }: &Written, outcome: &Outcome) -> Vec<(String, String)> {
-    let own = [
+fn provenance(&Written { args, fitted, .. }: &Written, input: &Input, outcome: &Outcome) -> Vec<(String, String)> {
+    let mut own = vec![
         ("sspc.preset", args.preset.to_string()),
         ("sspc.seed", args.seed.to_string()),
         ("sspc.steps", fitted.history.len().to_string()),
     ];
+    own.extend(input.denoiser.iter().map(|made| ("sspc.denoiser", made.provenance())));
     record::provenance("sspc-train", &own, args.run.strength, outcome.verdict.fallback.as_deref())
 }
 

@@ -5,7 +5,7 @@ use super::report::{FrameReport, FrameSeconds};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::reading::ReadFrame;
-use sspc_cli::{Code, Failure, interrupt, record};
+use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
 use sspc_core::bands::FrameBands;
 use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
 use sspc_core::frame_stats::FrameStats;
@@ -37,10 +37,10 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
     let begin = Instant::now();
     let plan = plan_of(views.iter().map(|view| view.output.clone()))?;
     let pictures: Vec<&Image> = views.iter().map(|view| &view.corrected.picture).collect();
-    plan.write(&job.output, &inputs, &pictures, &provenance(shared, &views[0].corrected))?;
+    plan.write(&job.output, &inputs, &pictures, &provenance(shared, &views[0]))?;
     let write = begin.elapsed().as_secs_f64();
     for view in views {
-        let View { corrected, stats, roles, warnings, read, name, .. } = view;
+        let View { corrected, stats, roles, denoiser, warnings, read, name, .. } = view;
         let seconds = FrameSeconds {
             read,
             features: corrected.seconds.features,
@@ -48,7 +48,8 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
             write,
             total: start.elapsed().as_secs_f64(),
         };
-        let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
+        let report =
+            FrameReport { denoiser, ..FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds) };
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
@@ -67,6 +68,7 @@ struct View {
     corrected: Corrected,
     stats: FrameStats,
     roles: Vec<RoleSource>,
+    denoiser: Option<DenoiserReport>,
     warnings: Vec<String>,
     /// Seconds.
     read: f64,
@@ -76,11 +78,12 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     let Shared { arguments, engine, isa, .. } = *shared;
     let start = Instant::now();
     let contract = &engine.model().contract;
-    let open = OpenFrame::open(&job.frame.files, overrides)?;
+    let mut open = OpenFrame::open_to_denoise(&job.frame.files, overrides)?;
     let output = open.output()?;
+    let denoiser = shared.denoising.supply(&mut open)?;
     let frame = ReadFrame::read(open, contract.exposure)?;
     let read = start.elapsed().as_secs_f64();
-    say_what_was_read(shared, job, &frame);
+    say_what_was_read(shared, job, &frame, denoiser.as_ref());
 
     let ReadFrame { source, stats, roles, warnings, .. } = frame;
     let found = source.variants().max(1);
@@ -106,7 +109,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         CorrectError::Bands(error) => error.into(),
     })?;
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
-    Ok(View { name, output, corrected, stats, roles, warnings, read })
+    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, read })
 }
 
 /// One file of the pictures of all views.
@@ -128,8 +131,9 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
         check_outputs(shared, job, &inputs(shared, job))?;
         let mut plans = Vec::new();
         for overrides in shared.arguments.frame.overrides_of_views(&job.frame.files)? {
-            let open = OpenFrame::open(&job.frame.files, &overrides)?;
+            let open = OpenFrame::open_to_denoise(&job.frame.files, &overrides)?;
             lines.extend(open.sources().iter().map(role_line));
+            lines.extend(shared.denoising.describe(&open)?);
             lines.extend(open.notes().iter().map(|note| format!("  note: {note}")));
             plans.push(open.output()?);
         }
@@ -157,10 +161,11 @@ fn check_outputs(shared: &Shared, job: &Job, inputs: &[PathBuf]) -> Result<(), F
     Ok(())
 }
 
-fn say_what_was_read(shared: &Shared, job: &Job, frame: &ReadFrame) {
+fn say_what_was_read(shared: &Shared, job: &Job, frame: &ReadFrame, denoiser: Option<&DenoiserReport>) {
     let (output, name) = (shared.output, job.frame.name());
     output.detail(&format!("{name}: {} x {} pixels", frame.source.width(), frame.source.height()));
     frame.roles.iter().for_each(|source| output.detail(&role_line(source)));
+    denoiser.iter().for_each(|made| output.say(&format!("{name}:{}", &made.line()[1..])));
     frame.warnings.iter().for_each(|warning| output.say(&format!("{name}: note: {warning}")));
     let fitted = shared.engine.model().contract.features;
     let has = |role: Role| frame.roles.iter().any(|source| source.role == role);
@@ -199,12 +204,13 @@ fn say_result(output: &Output, job: &Job, report: &FrameReport) {
 }
 
 /// How the picture was made, for its attributes.
-fn provenance(shared: &Shared, corrected: &Corrected) -> Vec<(String, String)> {
+fn provenance(shared: &Shared, view: &View) -> Vec<(String, String)> {
     let contract = &shared.engine.model().contract;
-    let own = [
+    let mut own = vec![
         ("sspc.model", record::shown_path(&shared.arguments.model)),
         ("sspc.model_frames", contract.frames.join(" ")),
         ("sspc.model_preset", contract.preset.clone()),
     ];
-    record::provenance("sspc-infer", &own, shared.arguments.run.strength, corrected.verdict.fallback.as_deref())
+    own.extend(view.denoiser.iter().map(|made| ("sspc.denoiser", made.provenance())));
+    record::provenance("sspc-infer", &own, shared.arguments.run.strength, view.corrected.verdict.fallback.as_deref())
 }

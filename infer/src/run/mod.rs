@@ -16,7 +16,7 @@ use crate::engine::Engine;
 use arguments::{Job, RunArguments};
 use shared::Shared;
 use sspc_cli::output::Output;
-use sspc_cli::{Code, Failure, interrupt};
+use sspc_cli::{Code, Denoising, Failure, KeptModes, interrupt};
 use sspc_kernels::simd::Isa;
 use sspc_onnx::load_model;
 
@@ -36,7 +36,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let engine = Engine::new(model, arguments.kernels.of(isa), arguments.tile);
     let bar = (jobs.len() > 1).then_some("{bar:32} {pos}/{len} frames  {eta} left");
     let output = Output::new(arguments.run.verbosity(), bar).with_progress(arguments.run.progress);
-    let shared = Shared { arguments, overrides: &overrides, engine: &engine, isa, output: &output };
+    let kept = engine.model().contract.extra.get(KeptModes::KEY).and_then(|kept| KeptModes::of(kept));
+    let denoising = Denoising::new(&arguments.frame.denoise).as_kept(kept);
+    let shared =
+        Shared { arguments, overrides: &overrides, denoising: &denoising, engine: &engine, isa, output: &output };
     arguments.run.start_threads()?;
     if arguments.run.dry_run {
         return all(&jobs, &output, |job| frame::describe(&shared, job));

@@ -4,6 +4,7 @@ use super::arguments::Job;
 use super::shared::Shared;
 use crate::clock;
 use serde::Serialize;
+use sspc_cli::DenoiserReport;
 use sspc_cli::record::{FilledRole, peak_rss_bytes, shown_path};
 use sspc_core::composition::Composition;
 use sspc_core::correct::Corrected;
@@ -109,6 +110,9 @@ pub struct FrameReport {
     pub peak_rss_bytes: Option<u64>,
     /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
+    /// Which denoised pictures were made, where the files do not hold them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub denoiser: Option<DenoiserReport>,
     /// What a person should know.
     pub warnings: Vec<String>,
 }
@@ -163,6 +167,7 @@ impl FrameReport {
             first_tile_after: first_tile.map(|after| after.as_secs_f64()),
             peak_rss_bytes: peak_rss_bytes(),
             roles: roles.iter().map(Into::into).collect(),
+            denoiser: None,
             warnings,
         }
     }

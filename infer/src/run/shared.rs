@@ -2,6 +2,7 @@
 
 use super::arguments::RunArguments;
 use crate::engine::Engine;
+use sspc_cli::Denoising;
 use sspc_cli::output::Output;
 use sspc_frames::RoleOverrides;
 use sspc_kernels::simd::Isa;
@@ -12,6 +13,8 @@ pub struct Shared<'a> {
     pub arguments: &'a RunArguments,
     /// Roles that the user named.
     pub overrides: &'a RoleOverrides,
+    /// What makes denoised pictures that the files do not hold.
+    pub denoising: &'a Denoising<'a>,
     /// The model, ready to run.
     pub engine: &'a Engine,
     /// Instruction set of our kernels.
