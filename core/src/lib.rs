@@ -47,3 +47,5 @@ pub mod same_scene;
 pub mod start;
 pub mod tiles;
 pub mod trust;
+
+pub use blend_weight::LARGEST_SHARE;

@@ -60,6 +60,12 @@ pub fn tone_map(image: &Image, exposure: f32) -> Rgb8 {
     Rgb8 { width: image.width(), height: image.height(), data }
 }
 
+/// The places of a picture `[3, H, W]` where `places` `[1, H, W]` is 1, the rest dimmed; through [`tone_map`].
+pub fn spotlight(image: &Image, places: &Image, exposure: f32) -> Rgb8 {
+    let lit = |c, y, x| image.at(c, y, x) * (0.1 + 0.9 * places.at(0, y, x));
+    tone_map(&Image::from_fn(3, image.height(), image.width(), lit), exposure)
+}
+
 /// Errors `[1, H, W]` (relL2 of each pixel) in colours from black through
 /// violet, red and orange to pale yellow: the logarithm from [`ERROR_MAP_LOW`] to [`ERROR_MAP_HIGH`] is the position on
 /// [`magma`]. Missing pixels become [`MISSING`].
@@ -70,6 +76,14 @@ pub fn error_map(errors: &Image) -> Rgb8 {
         false => MISSING,
     });
     Rgb8 { width: errors.width(), height: errors.height(), data: colours.collect() }
+}
+
+/// Shares `[1, H, W]`, 0..`largest`, in the colours of [`magma`]: black where nothing was used. Missing pixels become
+/// [`MISSING`].
+pub fn share_map(shares: &Image, largest: f32) -> Rgb8 {
+    let colour = |share: f32| if share.is_finite() { magma(share / largest) } else { MISSING };
+    let colours = shares.data().iter().flat_map(|&share| colour(share));
+    Rgb8 { width: shares.width(), height: shares.height(), data: colours.collect() }
 }
 
 /// A point on the colour map "magma" (S. van der Walt and N. Smith, 2015, public domain), interpolated between nine of

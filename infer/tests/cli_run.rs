@@ -432,3 +432,30 @@ fn further_denoised_pictures_of_a_shot_have_a_place_for_the_frame() {
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert!(stderr(&output).contains("ZA.exr,ZB.exr"), "{}", stderr(&output));
 }
+
+#[test]
+fn a_page_stands_beside_the_pictures_and_a_reference_is_measured() {
+    let folder = shot();
+    for frame in [1, 2] {
+        std::fs::copy(sample("ref.exr"), folder.path().join(format!("ref.{frame:04}.exr"))).expect("reference");
+    }
+    std::fs::remove_file(folder.path().join("b.0003.exr")).expect("removed");
+    let more = ["--report", "--json", "--reference", "ref.####.exr"];
+    // The third frame fails; the page shows the others.
+    assert!(!run(folder.path(), &shot_arguments("1-3", &more)).status.success());
+    let html = std::fs::read_to_string(folder.path().join("out/c.0001-3.html")).expect("a page");
+    let (_, data) = html.split_once("id=\"data\">").expect("data");
+    let data = data.split_once("</script>").expect("an end").0;
+    let data: serde_json::Value = serde_json::from_str(data).expect("JSON of the page");
+    let frames = data["frames"].as_array().expect("frames");
+    assert_eq!((frames.len(), &data["failed"][0]["name"]), (2, &serde_json::json!("frame 3")));
+    let pictures = frames[0]["pictures"].as_array().expect("pictures");
+    let labels: Vec<_> = pictures.iter().map(|picture| picture["label"].as_str().expect("a label")).collect();
+    let all = ["noisy", "denoised", "corrected", "reference", "error, denoised", "error, corrected", "share"];
+    assert_eq!(labels, all);
+    let json = std::fs::read(folder.path().join("out/c.0001.json")).expect("figures");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    let of = |what: &str| json["rel_l2"][what].as_f64().expect("a number");
+    assert!(of("corrected") < of("denoised") && of("denoised") < of("noisy"));
+    assert_eq!(json["rel_l2"], frames[0]["report"]["rel_l2"]);
+}

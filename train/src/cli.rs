@@ -61,6 +61,9 @@ pub struct FitArgs {
     /// Start from a fitted model instead of the preset's start. OUTDIR/model.onnx is refined in place.
     #[arg(long, value_name = "model.onnx")]
     pub init: Option<PathBuf>,
+    /// Also write OUTDIR/report.html: pictures to flip and slide, error maps, curves and every figure, in one file.
+    #[arg(long)]
+    pub report: bool,
     /// Folder for corrected.exr, model.onnx, report.json and previews; made when absent.
     #[arg(short, long, value_name = "OUTDIR")]
     pub output: PathBuf,

@@ -81,7 +81,9 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let outcomes = inputs
         .iter()
         .zip(prepared)
-        .map(|(input, prepared)| correct_frame(isa, args.run.strength, &settings, &fitted.networks, input, prepared))
+        .map(|(input, prepared)| {
+            correct_frame(isa, args.run.strength, args.report, &settings, &fitted.networks, input, prepared)
+        })
         .collect::<Result<Vec<Outcome>, _>>()?;
     let seconds = FitSeconds {
         read: read_seconds,

@@ -7,7 +7,7 @@ use sspc_cli::{DenoiserReport, Denoising, Failure, FrameJob};
 use sspc_core::fill::values_from_sources;
 use sspc_core::frame_stats::FrameStats;
 use sspc_core::prepare::{Prepared, baseline};
-use sspc_frames::preview::{Rgb8, auto_exposure, tone_map};
+use sspc_frames::preview::{Rgb8, auto_exposure, spotlight, tone_map};
 use sspc_frames::read::Like;
 use sspc_frames::{FrameFiles, OpenFrame, OutputPlan, RoleOverrides, read_reference};
 use sspc_image::{Frame, Image, Reference, RoleSource};
@@ -112,11 +112,8 @@ pub fn read(
         (fill, exposure, tone_map(&noisy, exposure), rivals)
     };
     let shown_different = different.map(|places| {
-        // The rest is dimmed.
         let ground = baseline(&frame);
-        let map = places.map(ground.height(), ground.width());
-        let lit = |c, y, x| ground.at(c, y, x) * (0.1 + 0.9 * map.at(0, y, x));
-        tone_map(&Image::from_fn(3, ground.height(), ground.width(), lit), shown_exposure)
+        spotlight(&ground, &places.map(ground.height(), ground.width()), shown_exposure)
     });
     let (prepared, denoised) = prepare(*frame, &stats, settings);
     let input = Input {

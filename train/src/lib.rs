@@ -14,7 +14,7 @@
 //! | [`divergence_guard`] | keeps the weights finite |
 //! | [`outcome`] | the corrected frame |
 //! | [`report`] | what is told of it |
-//! | [`write`](mod@write), [`output_folder`] | what a fit leaves behind |
+//! | [`write`](mod@write), [`page`], [`output_folder`] | what a fit leaves behind |
 //! | [`fit_command`], [`export`], [`progress`] | the commands |
 #![forbid(unsafe_code)]
 
@@ -31,6 +31,7 @@ pub mod inputs;
 pub mod model;
 pub mod outcome;
 pub mod output_folder;
+pub mod page;
 pub mod preset;
 pub mod progress;
 pub mod report;

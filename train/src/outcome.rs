@@ -20,17 +20,20 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Mean share of the correction that was used, as weights and strength have it, 0..1.3.
     pub mean_share: f64,
+    /// Share of the correction that was used, 0..1.3, `[1, H, W]`, where it was asked for.
+    pub share: Option<Image>,
     /// Against the reference, where there is one.
     pub rel_l2: Option<RelL2>,
 }
 
-/// Corrects a frame, whose features are gone before the picture is made.
+/// Corrects a frame, whose features are gone before the picture is made; `keeps_share`: for [`Outcome::share`].
 ///
 /// # Errors
 /// When it is interrupted.
 pub fn correct_frame(
     isa: Isa,
     strength: f32,
+    keeps_share: bool,
     settings: &Settings,
     networks: &[Network],
     input: &Input,
@@ -44,7 +47,7 @@ pub fn correct_frame(
         strength,
         rows: Some(prepared.height()),
         judged_by_held_out: settings.leaves_pixels_out(prepared.height(), prepared.width()),
-        keep_maps: input.reference.is_some(),
+        keep_maps: keeps_share || input.reference.is_some(),
     };
     let networks: Vec<_> = networks.iter().map(|n| WindowNetwork::new(isa, settings.form, n)).collect();
     let mut frame = PreparedFrame::new(prepared, input.stats, &input.denoised, &input.fill);
@@ -58,5 +61,12 @@ pub fn correct_frame(
         let halves = corrected.maps.as_ref().filter(|_| !fell_back).map(|maps| &maps.halves);
         RelL2::measure(&corrected.picture, halves, rivals, reference)
     });
-    Ok(Outcome { corrected: corrected.picture, verdict: corrected.verdict, mean_share: corrected.mean_share, rel_l2 })
+    let share = corrected.maps.filter(|_| keeps_share).map(|maps| maps.share);
+    Ok(Outcome {
+        corrected: corrected.picture,
+        verdict: corrected.verdict,
+        mean_share: corrected.mean_share,
+        share,
+        rel_l2,
+    })
 }

@@ -1,10 +1,11 @@
-//! What a fit leaves behind: corrected.exr, model.onnx, report.json and previews.
+//! What a fit leaves behind: corrected.exr, model.onnx, report.json, previews and, when asked for, the page.
 
 use crate::cli::FitArgs;
 use crate::fits::Fits;
 use crate::inputs::Input;
 use crate::outcome::Outcome;
 use crate::output_folder::OutputFolder;
+use crate::page;
 use crate::preset::Settings;
 use crate::report::FitReport;
 use rayon::prelude::*;
@@ -51,6 +52,9 @@ pub fn check_outputs(
     check_output(&folder.file(MODEL), &pictures_read(overrides, inputs))?;
     let protected = protected(args, overrides, inputs);
     pictures(inputs)?;
+    if args.report {
+        check_output(&folder.file(page::FILE), &protected)?;
+    }
     for input in inputs {
         check_output(&folder.file(&input.frame_file_name("corrected", "exr")), &protected)?;
         let previews = preview_names(input).into_iter().map(|stem| (stem, "png"));
@@ -130,6 +134,9 @@ pub fn write_outputs(
         let json = serde_json::to_vec_pretty(report)
             .map_err(|error| Failure::new(Code::Run, format!("cannot write the report: {error}"), ""))?;
         atomic_write_bytes(&folder.add(&input.file_name("report", "json")), &protected, &json)?;
+    }
+    if args.report {
+        atomic_write_bytes(&folder.add(page::FILE), &protected, page::html(what, &reports)?.as_bytes())?;
     }
     folder.keep();
     Ok(())

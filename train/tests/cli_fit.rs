@@ -390,3 +390,23 @@ fn a_shot_with_both_halves_in_one_file_can_be_fitted() {
     assert_success(&done);
     assert!(out.join("corrected.1.exr").exists() && out.join("corrected.2.exr").exists());
 }
+
+#[test]
+fn a_page_is_written_when_it_is_asked_for_and_changes_no_picture() {
+    let folder = folder();
+    let (plain, paged) = (folder.path().join("plain"), folder.path().join("paged"));
+    assert_success(&fit(&plain, &[]));
+    assert_success(&fit(&paged, &["--report"]));
+    assert!(!plain.join("report.html").exists());
+    let html = std::fs::read_to_string(paged.join("report.html")).expect("a page");
+    assert!(html.len() < 5_000_000 && html.contains("\"label\":\"share\""));
+    let picture = |out: &Path| std::fs::read(out.join("corrected.exr")).expect("a picture");
+    assert!(picture(&plain) == picture(&paged));
+    // A page that cannot be written is told of before training.
+    let blocked = folder.path().join("blocked");
+    std::fs::create_dir_all(blocked.join("report.html")).expect("a folder in the way");
+    let refused = fit(&blocked, &["--report"]);
+    assert!(!refused.status.success());
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("report.html"));
+    assert!(!blocked.join("model.onnx").exists());
+}

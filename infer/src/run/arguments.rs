@@ -36,6 +36,14 @@ pub struct RunArguments {
     #[arg(long)]
     pub json: bool,
 
+    /// Also write one page to look at beside the picture, as OUTPUT with the ending .html; of a shot one page of all frames
+    #[arg(long)]
+    pub report: bool,
+
+    /// A reference to measure against, for --report and --json (a pattern for a shot)
+    #[arg(long, value_name = "EXR")]
+    pub reference: Option<PathBuf>,
+
     /// Side of the network's tiles in pixels; changes speed and memory, never the picture
     #[arg(long, value_name = "PIXELS", default_value_t = DEFAULT_TILE, value_parser = at_least_one)]
     pub tile: usize,
@@ -92,7 +100,7 @@ impl RunArguments {
     /// # Errors
     /// Arguments that make no sense together, patterns without a place for the frame number.
     pub fn jobs(&self) -> Result<Vec<Job>, Failure> {
-        let frames = self.frame.jobs(None)?;
+        let frames = self.frame.jobs(self.reference.as_deref())?;
         let output = |number: Option<i32>| match number {
             Some(number) => pattern(&self.output).map(|pattern| pattern.path(number)),
             None => Ok(self.output.clone()),

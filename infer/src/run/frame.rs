@@ -1,7 +1,9 @@
 //! One frame from file to file.
 
 use super::arguments::Job;
-use super::report::{FrameReport, FrameSeconds};
+use super::beside::Beside;
+use super::page::PageOfRun;
+use super::report::{FrameReport, FrameSeconds, RelL2};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::reading::ReadFrame;
@@ -10,7 +12,8 @@ use sspc_core::bands::FrameBands;
 use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
 use sspc_core::frame_stats::FrameStats;
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
-use sspc_frames::{OpenFrame, OutputPlan, RoleOverrides};
+use sspc_frames::read::Like;
+use sspc_frames::{OpenFrame, OutputPlan, RoleOverrides, read_reference};
 use sspc_image::{FrameRows, Image, Role, RoleSource};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -19,7 +22,7 @@ use std::time::Instant;
 ///
 /// # Errors
 /// A [`Failure`] with its exit code; nothing of the frame is written then.
-pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
+pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>) -> Result<(), Failure> {
     let Shared { arguments, output, .. } = *shared;
     if arguments.skip_existing && job.output.exists() {
         output.say(&format!("{}: {} exists, left alone", job.frame.name(), job.output.display()));
@@ -39,8 +42,9 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
     let pictures: Vec<&Image> = views.iter().map(|view| &view.corrected.picture).collect();
     plan.write(&job.output, &inputs, &pictures, &provenance(shared, &views[0]))?;
     let write = begin.elapsed().as_secs_f64();
+    let count = views.len();
     for view in views {
-        let View { corrected, stats, roles, denoiser, warnings, read, name, .. } = view;
+        let View { corrected, stats, roles, denoiser, warnings, read, name, beside, .. } = view;
         let seconds = FrameSeconds {
             read,
             features: corrected.seconds.features,
@@ -48,12 +52,16 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
             write,
             total: start.elapsed().as_secs_f64(),
         };
-        let report =
-            FrameReport { denoiser, ..FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds) };
+        let rel_l2 = beside.as_ref().and_then(|beside| beside.rel_l2(&corrected.picture));
+        let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, rel_l2, seconds);
+        let report = FrameReport { denoiser, ..report };
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
             atomic_write_bytes(&job.sidecar(name.as_deref()), &inputs, &json)?;
+        }
+        if let Some((page, beside)) = page.as_mut().zip(beside) {
+            page.add(job, name.as_deref(), count, &report, beside, &corrected)?;
         }
         say_result(output, job, &report);
     }
@@ -72,6 +80,8 @@ struct View {
     warnings: Vec<String>,
     /// Seconds.
     read: f64,
+    /// Where the picture is shown or measured.
+    beside: Option<Beside>,
 }
 
 fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result<View, Failure> {
@@ -79,12 +89,17 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     let start = Instant::now();
     let contract = &engine.model().contract;
     let mut open = OpenFrame::open_to_denoise(&job.frame.files, overrides)?;
-    let output = open.output()?;
+    let (output, placing) = (open.output()?, open.placing());
     let denoiser = shared.denoising.supply(&mut open)?;
     let frame = ReadFrame::read(open, contract.exposure)?;
+    let shows = arguments.report || arguments.reference.is_some();
+    let reference = job.frame.files.reference.as_ref().filter(|_| shows);
+    let like = Like { path: &job.frame.files.a, placing };
+    let reference = reference.map(|path| read_reference(path, Some(like))).transpose()?;
     let read = start.elapsed().as_secs_f64();
     say_what_was_read(shared, job, &frame, denoiser.as_ref());
 
+    let beside = shows.then(|| Beside::read(&frame.source, frame.different.as_ref(), reference)).transpose()?;
     let ReadFrame { source, stats, roles, warnings, .. } = frame;
     let found = source.variants().max(1);
     if found != contract.networks {
@@ -100,7 +115,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         strength: arguments.run.strength,
         rows: None,
         judged_by_held_out: false,
-        keep_maps: false,
+        keep_maps: arguments.report,
     };
     let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
     let corrected = correct(&mut bands, engine, &how, &interrupt::asked).map_err(|error| match error {
@@ -109,7 +124,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         CorrectError::Bands(error) => error.into(),
     })?;
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
-    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, read })
+    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, read, beside })
 }
 
 /// One file of the pictures of all views.
@@ -146,7 +161,7 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
 }
 
 /// Files that must not be overwritten.
-fn inputs(shared: &Shared, job: &Job) -> Vec<PathBuf> {
+pub fn inputs(shared: &Shared, job: &Job) -> Vec<PathBuf> {
     let mut inputs = job.frame.files.all();
     inputs.extend(shared.overrides.files());
     inputs.push(shared.arguments.model.clone());
@@ -187,6 +202,12 @@ fn say_result(output: &Output, job: &Job, report: &FrameReport) {
             seconds.total,
             job.output.display()
         )),
+    }
+    if let Some(RelL2 { noisy, denoised, corrected, .. }) = report.rel_l2 {
+        output.say(&format!(
+            "{name}: relL2: noisy {noisy:.5}, denoised {denoised:.5}, corrected {corrected:.5} ({:.2} of the denoiser's)",
+            corrected / denoised
+        ));
     }
     if let Some(unlike) = &report.unlike {
         output.say(&format!("{name}: note: {unlike}"));

@@ -6,19 +6,25 @@
 //! | [`frame`] | one frame from file to file |
 //! | [`shared`] | what all frames share |
 //! | [`report`] | what the sidecar says |
+//! | [`beside`], [`page`] | what the picture is compared with, and the page to look at |
 
 pub mod arguments;
+pub mod beside;
 pub mod frame;
+pub mod page;
 pub mod report;
 pub mod shared;
 
 use crate::engine::Engine;
 use arguments::{Job, RunArguments};
+use page::PageOfRun;
 use shared::Shared;
 use sspc_cli::output::Output;
 use sspc_cli::{Code, Denoising, Failure, KeptModes, interrupt};
+use sspc_frames::atomic::check_output;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::load_model;
+use std::path::PathBuf;
 
 /// Runs the subcommand: every frame that can be corrected is, whatever happens to the others.
 ///
@@ -44,11 +50,25 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     if arguments.run.dry_run {
         return all(&jobs, &output, |job| frame::describe(&shared, job));
     }
-    all(&jobs, &output, |job| frame::correct_file(&shared, job))
+    if !arguments.report {
+        return all(&jobs, &output, |job| frame::correct_file(&shared, job, None));
+    }
+    let protected: Vec<PathBuf> = jobs.iter().flat_map(|job| frame::inputs(&shared, job)).collect();
+    let mut page = PageOfRun::new(&jobs);
+    check_output(page.path(), &protected)?;
+    let done = all(&jobs, &output, |job| {
+        let done = frame::correct_file(&shared, job, Some(&mut page));
+        done.inspect_err(|failure| page.add_failed(job, failure))
+    });
+    // What was corrected is shown, whatever happened to the others.
+    if !matches!(&done, Err(failure) if failure.code == Code::Interrupted) {
+        page.write(&jobs, &protected, &output)?;
+    }
+    done
 }
 
 /// Does every job; goes on after a bad input, ends at a failed output, which would fail again.
-fn all(jobs: &[Job], output: &Output, work: impl Fn(&Job) -> Result<(), Failure>) -> Result<(), Failure> {
+fn all(jobs: &[Job], output: &Output, mut work: impl FnMut(&Job) -> Result<(), Failure>) -> Result<(), Failure> {
     let mut failures: Vec<(String, Failure)> = Vec::new();
     show_done(output, 0, jobs.len());
     for (done, job) in jobs.iter().enumerate() {

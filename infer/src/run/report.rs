@@ -30,6 +30,19 @@ pub struct FrameSeconds {
     pub total: f64,
 }
 
+/// relL2 against the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RelL2 {
+    /// The mean of both halves' noisy radiance.
+    pub noisy: f64,
+    /// The denoiser's picture.
+    pub denoised: f64,
+    /// The finished picture.
+    pub corrected: f64,
+    /// The reference's own noise was taken out by its halves.
+    pub reference_noise_removed: bool,
+}
+
 /// Where the model comes from.
 #[derive(Clone, Debug, Serialize)]
 pub struct Origin {
@@ -77,6 +90,9 @@ pub struct FrameReport {
     pub found: Findings,
     /// What the halves say of each other.
     pub independence: Independence,
+    /// Against the reference, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rel_l2: Option<RelL2>,
     /// Self-supervised loss of both halves, the denoiser's and ours.
     pub loss: Losses,
     /// Estimated relL2 of the mean of both halves, the denoiser's and ours.
@@ -126,6 +142,7 @@ impl FrameReport {
         roles: &[RoleSource],
         warnings: Vec<String>,
         corrected: &Corrected,
+        rel_l2: Option<RelL2>,
         seconds: FrameSeconds,
     ) -> Self {
         let contract = &shared.engine.model().contract;
@@ -152,6 +169,7 @@ impl FrameReport {
             features: stats.set,
             found: stats.found,
             independence: stats.independence,
+            rel_l2,
             loss: verdict.loss,
             estimate: verdict.estimate,
             model_loss: verdict.model_loss,

@@ -1,0 +1,1 @@
+"""bench/convergence: error against samples per pixel, against training steps, and at equal time."""
