@@ -5,6 +5,8 @@ use super::report::{FrameReport, FrameSeconds};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::reading::ReadFrame;
+use sspc_cli::shot::report::NeighbourReport;
+use sspc_cli::shot::{Residence, ShotFrame};
 use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
 use sspc_core::bands::FrameBands;
 use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
@@ -40,7 +42,7 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
     plan.write(&job.output, &inputs, &pictures, &provenance(shared, &views[0]))?;
     let write = begin.elapsed().as_secs_f64();
     for view in views {
-        let View { corrected, stats, roles, denoiser, warnings, read, name, .. } = view;
+        let View { corrected, stats, roles, denoiser, warnings, neighbours, read, name, .. } = view;
         let seconds = FrameSeconds {
             read,
             features: corrected.seconds.features,
@@ -48,8 +50,8 @@ pub fn correct_file(shared: &Shared, job: &Job) -> Result<(), Failure> {
             write,
             total: start.elapsed().as_secs_f64(),
         };
-        let report =
-            FrameReport { denoiser, ..FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds) };
+        let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
+        let report = FrameReport { denoiser, neighbours, ..report };
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
@@ -70,6 +72,7 @@ struct View {
     roles: Vec<RoleSource>,
     denoiser: Option<DenoiserReport>,
     warnings: Vec<String>,
+    neighbours: Vec<NeighbourReport>,
     /// Seconds.
     read: f64,
 }
@@ -78,12 +81,22 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     let Shared { arguments, engine, isa, .. } = *shared;
     let start = Instant::now();
     let contract = &engine.model().contract;
-    let mut open = OpenFrame::open_to_denoise(&job.frame.files, overrides)?;
+    let in_shot = shared.shot.zip(job.frame.number);
+    let mut open = match in_shot {
+        Some((shot, number)) => shot.open(number, overrides)?,
+        None => OpenFrame::open_to_denoise(&job.frame.files, overrides)?,
+    };
     let output = open.output()?;
-    let denoiser = shared.denoising.supply(&mut open)?;
-    let frame = ReadFrame::read(open, contract.exposure)?;
+    let ShotFrame { frame, denoiser, neighbours } = match in_shot {
+        Some((shot, number)) => shot.read(number, open, overrides, contract.exposure, Residence::AsFits)?,
+        None => {
+            let denoiser = shared.denoising.supply(&mut open)?;
+            ShotFrame { frame: ReadFrame::read(open, contract.exposure)?, denoiser, neighbours: Vec::new() }
+        }
+    };
     let read = start.elapsed().as_secs_f64();
     say_what_was_read(shared, job, &frame, denoiser.as_ref());
+    neighbours.iter().for_each(|neighbour| shared.output.detail(&neighbour.line()));
 
     let ReadFrame { source, stats, roles, warnings, .. } = frame;
     let found = source.variants().max(1);
@@ -109,7 +122,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         CorrectError::Bands(error) => error.into(),
     })?;
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
-    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, read })
+    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, neighbours, read })
 }
 
 /// One file of the pictures of all views.
@@ -131,7 +144,10 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
         check_outputs(shared, job, &inputs(shared, job))?;
         let mut plans = Vec::new();
         for overrides in shared.arguments.frame.overrides_of_views(&job.frame.files)? {
-            let open = OpenFrame::open_to_denoise(&job.frame.files, &overrides)?;
+            let open = match shared.shot.zip(job.frame.number) {
+                Some((shot, number)) => shot.open(number, &overrides)?,
+                None => OpenFrame::open_to_denoise(&job.frame.files, &overrides)?,
+            };
             lines.extend(open.sources().iter().map(role_line));
             lines.extend(shared.denoising.describe(&open)?);
             lines.extend(open.notes().iter().map(|note| format!("  note: {note}")));
