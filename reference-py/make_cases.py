@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import torch
-from parity import gc_cases, preset_case, stage_cases, training_cases
+from parity import gc_cases, preset_case, shot_cases, stage_cases, training_cases
 
 DEFAULT_ROOT = Path(__file__).resolve().parent.parent / "tests" / "cases"
 
@@ -24,7 +24,7 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
 
-    cases = gc_cases.cases() + stage_cases.cases() + training_cases.cases()
+    cases = gc_cases.cases() + stage_cases.cases() + training_cases.cases() + shot_cases.cases()
     if options.preset:
         cases += preset_case.cases()
     if not options.check:

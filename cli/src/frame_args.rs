@@ -33,6 +33,11 @@ pub struct FrameArgs {
     #[arg(long, value_name = "RANGE", requires = "a", allow_hyphen_values = true)]
     pub frames: Option<String>,
 
+    /// Neighbouring frames of a shot that are read on each side of a frame, where their files exist; 0 takes each frame by
+    /// itself [default: 1 for a fit, the model's for a run]
+    #[arg(long, value_name = "N", requires = "a", value_parser = extra_frames)]
+    pub extra_frames: Option<usize>,
+
     /// Root of a folder laid out as the paper's published data
     #[arg(long, value_name = "ROOT", requires_all = ["scene", "spp", "denoiser"], conflicts_with_all = ["a_file", "a"])]
     pub paper_layout: Option<PathBuf>,
@@ -166,6 +171,19 @@ impl FrameArgs {
 
     fn shot(&self, a: &Path, frames: &str, reference: Option<&Path>) -> Result<Vec<FrameJob>, Failure> {
         let frames: Frames = frames.parse()?;
+        let files = self.shot_files(a, reference)?;
+        Ok(frames.into_iter().map(|number| FrameJob { number: Some(number), files: files.of(number) }).collect())
+    }
+
+    /// The files of the shot that the arguments name; `None` of a single frame.
+    ///
+    /// # Errors
+    /// Patterns without a place for the frame number.
+    pub fn shot_patterns(&self) -> Result<Option<ShotFiles>, Failure> {
+        self.a.as_ref().map(|a| self.shot_files(Path::new(a), None)).transpose()
+    }
+
+    fn shot_files(&self, a: &Path, reference: Option<&Path>) -> Result<ShotFiles, Failure> {
         let a = pattern(a)?;
         let optional = |path: Option<&Path>| path.map(pattern).transpose();
         let b = optional(self.b.as_deref().map(Path::new))?;
@@ -176,21 +194,48 @@ impl FrameArgs {
             optional(reference)?,
         ];
         let more = self.denoised_more.iter().map(MorePatterns::of).collect::<Result<Vec<_>, _>>()?;
-        let job = |number| {
-            let at = |pattern: &Option<Pattern>| pattern.as_ref().map(|pattern| pattern.path(number));
-            let halves = match &b {
-                Some(b) => FrameFiles::halves(a.path(number), b.path(number)),
-                None => FrameFiles::both_in_one(a.path(number)),
-            };
-            let files = halves.with_denoised(at(&denoised_a), at(&denoised_b), at(&denoised));
-            let files = files.with_more_denoised(more.iter().map(|more| more.at(number)).collect());
-            FrameJob { number: Some(number), files: files.with_reference(at(&reference)) }
+        Ok(ShotFiles { a, b, denoised_a, denoised_b, denoised, more, reference })
+    }
+}
+
+/// The files of a shot by patterns.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ShotFiles {
+    a: Pattern,
+    b: Option<Pattern>,
+    denoised_a: Option<Pattern>,
+    denoised_b: Option<Pattern>,
+    denoised: Option<Pattern>,
+    more: Vec<MorePatterns>,
+    reference: Option<Pattern>,
+}
+
+impl ShotFiles {
+    /// The files of one frame, whether they exist or not.
+    pub fn of(&self, number: i32) -> FrameFiles {
+        let at = |pattern: &Option<Pattern>| pattern.as_ref().map(|pattern| pattern.path(number));
+        let halves = match &self.b {
+            Some(b) => FrameFiles::halves(self.a.path(number), b.path(number)),
+            None => FrameFiles::both_in_one(self.a.path(number)),
         };
-        Ok(frames.into_iter().map(job).collect())
+        let files = halves.with_denoised(at(&self.denoised_a), at(&self.denoised_b), at(&self.denoised));
+        let files = files.with_more_denoised(self.more.iter().map(|more| more.at(number)).collect());
+        files.with_reference(at(&self.reference))
+    }
+}
+
+/// Most neighbours on each side, as in the model contract: beyond two the gain is below the noise of its measurement.
+const MOST_EXTRA_FRAMES: usize = 4;
+
+fn extra_frames(text: &str) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Ok(number) if number <= MOST_EXTRA_FRAMES => Ok(number),
+        _ => Err(format!("expected a whole number from 0 to {MOST_EXTRA_FRAMES}")),
     }
 }
 
 /// Further denoised pictures of a shot.
+#[derive(Clone, Debug, PartialEq, Eq)]
 struct MorePatterns {
     named: MoreDenoised,
     halves: [Pattern; 2],

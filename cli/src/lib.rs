@@ -6,6 +6,7 @@
 //! | [`run_args`] | how much is printed, threads, strength |
 //! | [`denoising`] | denoised pictures that the files do not hold |
 //! | [`reading`] | from files to a frame that was looked over |
+//! | [`shot`] | the same of a frame of a shot, with its neighbours |
 //! | [`failure`] | how a command ends: messages and exit codes |
 //! | [`interrupt`] | Ctrl-C and SIGTERM |
 //! | [`output`] | lines and bars |
@@ -23,6 +24,7 @@ mod print;
 pub mod reading;
 pub mod record;
 pub mod run_args;
+pub mod shot;
 
 pub use denoising::{DenoiserReport, Denoising, KeptModes};
 pub use failure::{Code, Failure};

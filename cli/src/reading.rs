@@ -5,7 +5,7 @@ use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::same_scene::{DifferentPlaces, SceneComparison};
 use sspc_frames::OpenFrame;
 use sspc_frames::error::Error;
-use sspc_image::{Frame, FrameRows, RoleSource};
+use sspc_image::{DenoisedVariant, Frame, FrameRows, RoleSource};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -14,12 +14,17 @@ const HELD_BYTES: usize = 512 << 20;
 /// Rows of a band that is looked over.
 const LOOKED_AT: usize = 64;
 
+/// What all rows of a frame take in memory.
+pub(crate) fn bytes_of(open: &OpenFrame) -> usize {
+    open.planes() * open.height() * open.width() * size_of::<f32>()
+}
+
 /// Where a frame's rows come from.
 pub enum Source {
     /// Memory.
     Held(Box<Frame>),
     /// Its files, again and again, without the places where the halves show different things.
-    Files(Box<OpenFrame>, Option<DifferentPlaces>),
+    Files(Box<OpenFrame>, Option<DifferentPlaces>, Vec<DenoisedVariant>),
 }
 
 impl Source {
@@ -27,7 +32,16 @@ impl Source {
     pub fn variants(&self) -> usize {
         match self {
             Source::Held(frame) => frame.variants.len(),
-            Source::Files(open, _) => open.variants(),
+            Source::Files(open, _, others) if others.is_empty() => open.variants(),
+            Source::Files(.., others) => others.len(),
+        }
+    }
+
+    /// Puts others in the place of the frame's variants of z.
+    pub fn set_variants(&mut self, others: Vec<DenoisedVariant>) {
+        match self {
+            Source::Held(frame) => frame.variants = others,
+            Source::Files(.., variants) => *variants = others,
         }
     }
 }
@@ -38,22 +52,25 @@ impl FrameRows for Source {
     fn height(&self) -> usize {
         match self {
             Source::Held(frame) => frame.height(),
-            Source::Files(open, _) => open.height(),
+            Source::Files(open, ..) => open.height(),
         }
     }
 
     fn width(&self) -> usize {
         match self {
             Source::Held(frame) => frame.width(),
-            Source::Files(open, _) => open.width(),
+            Source::Files(open, ..) => open.width(),
         }
     }
 
     fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Error> {
         match self {
             Source::Held(frame) => FrameRows::rows(&**frame, rows).map_err(|never| match never {}),
-            Source::Files(open, different) => {
+            Source::Files(open, different, variants) => {
                 let mut frame = open.rows(rows.clone())?;
+                if !variants.is_empty() {
+                    frame.variants = variants.iter().map(|variant| variant.rows(rows.start, rows.len())).collect();
+                }
                 if let Some(places) = different {
                     places.take_out(&mut frame, rows.start);
                 }
@@ -83,8 +100,7 @@ impl ReadFrame {
     /// # Errors
     /// What reading a file can raise, and halves that cannot be used.
     pub fn read(open: OpenFrame, exposure: Exposure) -> Result<Self, Error> {
-        let bytes = open.planes() * open.height() * open.width() * size_of::<f32>();
-        if bytes > HELD_BYTES { Self::in_bands(open, exposure) } else { Self::held(&open, exposure) }
+        if bytes_of(&open) > HELD_BYTES { Self::in_bands(open, exposure) } else { Self::held(&open, exposure) }
     }
 
     /// The same, whole whatever its size.
@@ -92,8 +108,16 @@ impl ReadFrame {
     /// # Errors
     /// As [`Self::read`].
     pub fn held(open: &OpenFrame, exposure: Exposure) -> Result<Self, Error> {
+        let frame = open.rows(0..open.height())?;
+        Self::of_frame(open, frame, exposure)
+    }
+
+    /// The same of a frame whose rows were all read.
+    ///
+    /// # Errors
+    /// Halves that cannot be used.
+    pub fn of_frame(open: &OpenFrame, mut frame: Frame, exposure: Exposure) -> Result<Self, Error> {
         let all = 0..open.height();
-        let mut frame = open.rows(all.clone())?;
         let mut inspection = open.inspection();
         let mut comparison = SceneComparison::new(open.height(), open.width());
         let look = || {
@@ -140,7 +164,7 @@ impl ReadFrame {
         let mut warnings = open.warnings(&inspection)?;
         let different = comparison.finish();
         let roles = open.sources();
-        let source = Source::Files(Box::new(open), different.clone());
+        let source = Source::Files(Box::new(open), different.clone(), Vec::new());
         if let Some(places) = &different {
             stats = FrameStats::of_bands(height * width, exposure, |look| {
                 for top in (0..height).step_by(LOOKED_AT) {

@@ -143,6 +143,8 @@ impl Composer<'_> {
         }
         if networks > 1 {
             mean.divide(networks);
+        }
+        if !prepared.variants.is_empty() {
             mean.keep_denoised(prepared, &weighed);
         }
         Ok(mean)

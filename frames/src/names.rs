@@ -2,6 +2,7 @@
 
 use sspc_image::Role;
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// How a layer's last segment is recognised. Names are lower-case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +32,7 @@ const fn known(pattern: NamePattern, source: &'static str) -> Known {
 
 const ARNOLD: &str =
     "Arnold, Denoising, help.autodesk.com/cloudhelp/ENU/AR-Core/files/arnold_user_guide_ac_denoising_html.html";
+const ARNOLD_AOVS: &str = "Arnold, AOVs, help.autodesk.com/view/ARNOL";
 const COMMON: &str = "what artists and pipelines write";
 const CORONA: &str = "Corona, Render Elements, docs.chaos.com/display/CRMAX/Render+Elements";
 const CYCLES: &str = "Blender Cycles, Passes, docs.blender.org/manual/en/latest/render/layers/passes.html";
@@ -38,6 +40,7 @@ const DELIGHT: &str = "3Delight, AOV Selector, documentation.3delightcloud.com/d
 const GUERILLA: &str = "Guerilla Render, AOV, guerillarender.com/doc/2.2/User%20Guide_Rendering_AOV.html";
 const KARMA: &str = "Houdini Karma, AOVs, www.sidefx.com/docs/houdini/solaris/support/aovs.html";
 const LUXCORE: &str = "LuxCoreRender, film output types of its SDK";
+const MOONRAY: &str = "MoonRay, render outputs, docs.openmoonray.org";
 const MITSUBA: &str = "Mitsuba 3, aov integrator, mitsuba.readthedocs.io";
 const NOICE: &str = "Arnold noice, Required Input Layers, docs.arnoldrenderer.com";
 const OCTANE: &str = "Octane, Open Image Denoise and Render Passes, docs.otoy.com/standaloneSE/OpenImageDenoise.html";
@@ -134,6 +137,29 @@ const NORMAL: &[Known] = &[
 
 const VISIBILITY: &[Known] = &[known(Whole("visibility"), PAPER)];
 
+/// What each of them means is found out by looking (`sspc-shots`).
+const MOTION: &[Known] = &[
+    known(Whole("vector"), CYCLES),
+    known(Whole("motionvector"), ARNOLD_AOVS),
+    known(Whole("motionvectors"), REDSHIFT),
+    known(Whole("motion vectors"), KARMA),
+    known(Whole("motion vector"), OCTANE),
+    known(Whole("motion_vector"), COMMON),
+    known(Whole("motion_vectors"), COMMON),
+    known(Whole("motionvec"), MOONRAY),
+    known(Whole("backward"), RENDERMAN),
+    known(Whole("forward"), RENDERMAN),
+    known(Whole("motionback"), RENDERMAN),
+    known(Whole("motionfore"), RENDERMAN),
+    known(Whole("velocity"), VRAY_NAMES),
+    known(Whole("vrayvelocity"), VRAY),
+    known(Whole("cgeometry_velocity"), CORONA),
+    known(Whole("motion"), "Nuke, VectorGenerator, learn.foundry.com/nuke"),
+];
+
+/// Layers of which each holds the motion to one neighbour, and both together to both.
+const MOTION_PAIRS: &[(&str, &str)] = &[("backward", "forward"), ("motionback", "motionfore")];
+
 /// The names a role goes by, first hit wins; of noisy colour, [`noisy`] ones come before.
 pub fn candidates(role: Role) -> &'static [Known] {
     match role {
@@ -142,6 +168,7 @@ pub fn candidates(role: Role) -> &'static [Known] {
         Role::Albedo => ALBEDO,
         Role::Normal => NORMAL,
         Role::Visibility => VISIBILITY,
+        Role::Motion => MOTION,
     }
 }
 
@@ -165,6 +192,8 @@ pub fn noisy_stem(name: &str) -> Option<&str> {
 pub fn component_sets(role: Role) -> &'static [&'static [&'static str]] {
     match role {
         Role::Visibility => &[&["y"], &["v"], &["r"], &["x"], &["red"], &["l"]],
+        // Of three components the third is depth, or nothing.
+        Role::Motion => &[&["x", "y", "z", "w"], &["x", "y"], &["u", "v"], &["r", "g"], &["red", "green"]],
         _ => &[&["r", "g", "b"], &["red", "green", "blue"], &["x", "y", "z"]],
     }
 }
@@ -172,9 +201,22 @@ pub fn component_sets(role: Role) -> &'static [&'static [&'static str]] {
 /// Endings of a grey picture's only component.
 pub const GREY: &[&str] = &["y", "l"];
 
-/// Channels of a role: 3, or 1 for visibility.
-pub fn component_count(role: Role) -> usize {
-    if role == Role::Visibility { 1 } else { 3 }
+/// Channels that a role may have: 3, 1 for visibility, 2 to 4 for motion.
+pub fn component_counts(role: Role) -> RangeInclusive<usize> {
+    match role {
+        Role::Visibility => 1..=1,
+        Role::Motion => 2..=4,
+        _ => 3..=3,
+    }
+}
+
+/// The layer beside one that holds the motion to one neighbour, which holds that to the other.
+pub fn motion_partner(name: &str) -> Option<&'static str> {
+    MOTION_PAIRS.iter().find_map(|(back, fore)| match name {
+        _ if name == *back => Some(*fore),
+        _ if name == *fore => Some(*back),
+        _ => None,
+    })
 }
 
 impl NamePattern {

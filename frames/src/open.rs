@@ -176,7 +176,8 @@ impl OpenFrame {
     /// # Panics
     /// When the rows leave the picture, and when denoised halves are neither in the files nor supplied.
     pub fn rows(&self, rows: Range<usize>) -> Result<Frame, Error> {
-        let mut images = self.decode(rows.clone(), |_| true)?;
+        // Motion is of shots, not of frames.
+        let mut images = self.decode(rows.clone(), |filled| filled.role != Role::Motion)?;
         let made = |picture: &CompactImage| picture.rows(rows.clone());
         let further = self.further_in_files();
         let mut variants: Vec<DenoisedVariant> = Vec::new();
@@ -205,6 +206,58 @@ impl OpenFrame {
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
         Ok(Frame { a, b, denoised, variants })
+    }
+
+    /// Some rows of one role of a buffer, values as in the files; `None` where they do not hold it.
+    ///
+    /// # Errors
+    /// As [`Self::rows`].
+    ///
+    /// # Panics
+    /// When the rows leave the picture.
+    pub fn role_rows(&self, role: Role, buffer: Buffer, rows: Range<usize>) -> Result<Option<Image>, Error> {
+        let key = (role, buffer, 0);
+        let is_it = |filled: &Filled| (filled.role, filled.buffer, filled.variant) == key;
+        Ok(self.decode(rows, is_it)?.remove(&key))
+    }
+
+    /// Some rows of the denoised pictures of a buffer: z, or its variants in their order. Without one of the full buffer,
+    /// the mean of both halves'.
+    ///
+    /// # Errors
+    /// As [`Self::rows`].
+    ///
+    /// # Panics
+    /// As [`Self::rows`].
+    pub fn denoised_rows(&self, buffer: Buffer, rows: Range<usize>) -> Result<Vec<Image>, Error> {
+        let mut images =
+            self.decode(rows.clone(), |filled| filled.role == Role::Denoised && filled.buffer == buffer)?;
+        let made = |picture: &CompactImage| picture.rows(rows.clone());
+        let half = |halves: &[CompactImage; 2]| match buffer {
+            Buffer::A => Some(made(&halves[0])),
+            Buffer::B => Some(made(&halves[1])),
+            Buffer::Full => None,
+        };
+        let first = images.remove(&(Role::Denoised, buffer, 0)).or_else(|| match buffer {
+            Buffer::Full => self.made.full.as_ref().map(made),
+            _ => self.made.halves.as_ref().and_then(half),
+        });
+        let mut pictures = vec![first];
+        pictures.extend((1..=self.further_in_files()).map(|at| images.remove(&(Role::Denoised, buffer, at))));
+        let further = |variant: &MadeVariant| half(&variant.halves).or_else(|| Some(made(&variant.full)));
+        pictures.extend(self.made.variants.iter().map(further));
+        if pictures.iter().all(Option::is_some) {
+            return Ok(pictures.into_iter().flatten().collect());
+        }
+        assert_eq!(buffer, Buffer::Full, "denoised pictures of a half are in the files or were supplied");
+        let halves = self.denoised_rows(Buffer::A, rows.clone())?.into_iter().zip(self.denoised_rows(Buffer::B, rows)?);
+        let means = halves.map(|(a, b)| Image::mean_of(&a, &b));
+        Ok(pictures.into_iter().zip(means).map(|(own, mean)| own.unwrap_or(mean)).collect())
+    }
+
+    /// Whether both halves have motion.
+    pub fn has_motion(&self) -> bool {
+        self.has(Role::Motion, Buffer::A)
     }
 
     /// Some rows of the roles that are wanted.

@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! override := ROLE [ "-a" | "-b" | "-full" ] "=" source
-//! ROLE     := "radiance" | "denoised" | "albedo" | "normal" | "visibility"   (also "color", "noisy")
+//! ROLE     := "radiance" | "denoised" | "albedo" | "normal" | "visibility" | "motion"   (also "color", "noisy")
 //! source   := "none" | FILE.exr | FILE.exr ":" channels | channels
-//! channels := LAYER | CHANNEL "," CHANNEL "," CHANNEL | CHANNEL   (one channel for visibility)
+//! channels := LAYER | CHANNEL "," CHANNEL "," CHANNEL | CHANNEL   (one channel for visibility, 2 to 4 for motion)
 //! ```
 //! Without `-a` or `-b` both halves are meant. Examples: `albedo=diffuse_color`, `normal=N.x,N.y,N.z`,
 //! `radiance-b=odd`, `denoised-full=full.exr`, `albedo-a=features_a.exr:albedo`, `visibility=none`.
@@ -13,7 +13,7 @@
 
 use crate::error::Error;
 use crate::files::{DenoisedFile, MoreDenoised};
-use crate::names::component_count;
+use crate::names::component_counts;
 use sspc_image::{Buffer, Role, shown};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -51,6 +51,8 @@ pub struct RoleOverrides {
     view: Option<String>,
     /// All views are corrected, each in turn.
     all_views: bool,
+    /// Motion is looked for.
+    with_motion: bool,
 }
 
 impl RoleOverrides {
@@ -103,6 +105,16 @@ impl RoleOverrides {
     /// The same, where every other view has its turn as well.
     pub fn of_each_view(self, view: String) -> Self {
         Self { all_views: true, ..self.of_view(Some(view)) }
+    }
+
+    /// The same, with motion looked for as well: frames of a shot, which have neighbours to move to.
+    pub fn with_motion(self) -> Self {
+        Self { with_motion: true, ..self }
+    }
+
+    /// Whether a role is looked for.
+    pub fn wants(&self, role: Role) -> bool {
+        role != Role::Motion || self.with_motion
     }
 
     /// Whether every view has its turn.
@@ -173,7 +185,11 @@ fn split_target(text: &str) -> Result<(Role, &'static [Buffer], &str), Error> {
         "albedo" => Role::Albedo,
         "normal" => Role::Normal,
         "visibility" => Role::Visibility,
-        other => return Err(wrong(text, "radiance, denoised, albedo, normal or visibility", format!("'{other}'"))),
+        "motion" => Role::Motion,
+        other => {
+            let expected = "radiance, denoised, albedo, normal, visibility or motion";
+            return Err(wrong(text, expected, format!("'{other}'")));
+        }
     };
     if buffers == [Buffer::Full] && role != Role::Denoised {
         return Err(wrong(text, "-full only with denoised", format!("'{target}'")));
@@ -197,8 +213,10 @@ fn parse_source(text: &str, role: Role, source: &str) -> Result<Choice, Error> {
         "" => Selection::Recognised,
         list if list.contains(',') => {
             let names: Vec<String> = list.split(',').map(|name| name.trim().to_string()).collect();
-            let count = component_count(role);
-            if names.len() != count || names.iter().any(String::is_empty) {
+            let counts = component_counts(role);
+            if !counts.contains(&names.len()) || names.iter().any(String::is_empty) {
+                let (least, most) = (counts.start(), counts.end());
+                let count = if least == most { format!("{least}") } else { format!("{least} to {most}") };
                 return Err(wrong(text, &format!("{count} channel name(s)"), format!("'{list}'")));
             }
             Selection::Channels(names)
@@ -242,6 +260,7 @@ mod tests {
             ("denoised-full=full.EXR", Role::Denoised, Buffer::Full, from(Some("full.EXR"), Selection::Recognised)),
             ("albedo-a=f.exr.1.exr:al", Role::Albedo, Buffer::A, from(Some("f.exr.1.exr"), layer("al"))),
             ("visibility=none", Role::Visibility, Buffer::A, Some(Choice::Absent)),
+            ("motion=m.x,m.y", Role::Motion, Buffer::B, from(None, list(&["m.x", "m.y"]))),
         ] {
             let overrides: RoleOverrides = text.parse().expect(text);
             assert_eq!(overrides.get(role, buffer).cloned(), choice, "{text}");
@@ -273,6 +292,7 @@ mod tests {
             "radiance=none",
             "=",
             "normal=a,,b",
+            "motion=a,b,c,d,e",
         ] {
             let error = text.parse::<RoleOverrides>().expect_err(text);
             assert!(error.to_string().contains(text), "{error}");

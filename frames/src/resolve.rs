@@ -5,7 +5,7 @@ use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
 use crate::files::{DenoisedFile, FrameFiles};
 use crate::layers::{Layers, Reading};
-use crate::names::{candidates, component_count, noisy};
+use crate::names::{candidates, component_counts, noisy};
 use crate::overrides::{Choice, RoleOverrides, Selection};
 use crate::search::{Anchor, Found, Hit};
 use crate::window::Window;
@@ -89,7 +89,7 @@ pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resoluti
         warnings: Vec::new(),
     };
     let mut filled: Vec<Filled> = Vec::new();
-    for role in Role::ALL {
+    for role in Role::ALL.into_iter().filter(|role| overrides.wants(*role)) {
         for buffer in [Buffer::A, Buffer::B, Buffer::Full] {
             if buffer != Buffer::Full || role == Role::Denoised {
                 let half_a = filled.iter().find(|known| (known.role, known.buffer) == (role, Buffer::A)).cloned();
@@ -260,6 +260,10 @@ impl Search<'_> {
         let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
         let may_share = is_feature && hit.is_none() && self.given.b.is_none();
         let shared = if may_share { layers.beside(role, Reading::Unmarked, &anchor).hit } else { None };
+        let paired =
+            |hit: Hit, reading| if role == Role::Motion { layers.with_motion_partner(hit, reading) } else { hit };
+        let hit = hit.map(|hit| paired(hit, self.reading(buffer)));
+        let shared = shared.map(|hit| paired(hit, Reading::Unmarked));
         if buffer == Buffer::A {
             if shared.is_some() {
                 self.warnings.push(format!("{role}: one layer serves both halves, so its noise is not independent"));
@@ -302,19 +306,22 @@ impl Search<'_> {
     fn chosen(&self, file: usize, role: Role, buffer: Buffer, selection: &Selection) -> Result<Hit, Error> {
         let (exr, layers) = &self.opened[file];
         let view = self.view(file, role, buffer)?;
-        let grey = |at: usize| Hit::of(vec![at; component_count(role)]);
+        let most = *component_counts(role).end();
+        let grey = |at: usize| Hit::of(vec![at; most]);
         let hit = match selection {
             Selection::Recognised => {
                 let reading =
                     Some(buffer).filter(|&half| half != Buffer::Full).map_or(Reading::Unmarked, Reading::Marked);
                 let like = self.anchor(buffer).map(|anchor| &anchor.name);
                 let hit = layers.dedicated(role, reading, like, view);
-                return hit.ok_or_else(|| self.missing(file, role, buffer));
+                let paired = |hit| if role == Role::Motion { layers.with_motion_partner(hit, reading) } else { hit };
+                return hit.map(paired).ok_or_else(|| self.missing(file, role, buffer));
             }
             Selection::Layer(name) => {
                 // One channel by its full name is a layer of one component.
-                let may_be_grey = role == Role::Radiance || self.anchor(buffer).is_some_and(|anchor| anchor.is_grey);
-                let only = || exr.channel_named(name).filter(|_| may_be_grey || component_count(role) == 1).map(grey);
+                let is_anchor_grey = self.anchor(buffer).is_some_and(|anchor| anchor.is_grey);
+                let may_be_grey = role == Role::Radiance || (role != Role::Motion && is_anchor_grey);
+                let only = || exr.channel_named(name).filter(|_| may_be_grey || most == 1).map(grey);
                 layers.named(name, role, view, may_be_grey).or_else(only)
             }
             Selection::Channels(names) => {
@@ -323,7 +330,10 @@ impl Search<'_> {
         };
         hit.ok_or_else(|| {
             let expected = match selection {
-                Selection::Layer(name) => format!("{} channel(s) in layer '{}'", component_count(role), shown(name)),
+                Selection::Layer(name) => {
+                    let least = component_counts(role).start().to_owned();
+                    format!("{least} channel(s) in layer '{}'", shown(name))
+                }
                 Selection::Channels(names) => format!("channels {}", shown(&names.join(","))),
                 Selection::Recognised => String::new(),
             };
@@ -389,7 +399,7 @@ fn own_file(role: Role) -> &'static str {
 
 /// A feature that only one half has cannot be used.
 fn drop_lonely_features(filled: &mut Vec<Filled>, opened: &[(ExrFile, Layers)], warnings: &mut Vec<String>) {
-    for role in Role::FEATURES {
+    for role in Role::FEATURES.into_iter().chain([Role::Motion]) {
         let of_role: Vec<&Filled> = filled.iter().filter(|filled| filled.role == role).collect();
         if let [lonely] = of_role.as_slice() {
             let path = opened[lonely.file].0.path.display();

@@ -233,6 +233,22 @@ impl Layers {
         layer.channels_for(role).or_else(|| layer.grey_channels().filter(|_| may_be_grey)).map(Hit::of)
     }
 
+    /// A motion layer's channels, with those of the layer beside it that leads to the other neighbour.
+    pub fn with_motion_partner(&self, mut hit: Hit, reading: Reading) -> Hit {
+        let partner = || {
+            let layer = self.layer_of(*hit.channels.first()?)?;
+            let name = layer.name(reading).or_else(|| layer.name(Reading::Plain))?;
+            let wanted = Name { group: name.group.clone(), last: names::motion_partner(&name.last)?.to_string() };
+            let is_it = |other: &&Layer| other.view == layer.view && other.name(reading) == Some(&wanted);
+            self.list.iter().find(is_it)?.channels_for(Role::Motion)
+        };
+        let partner = partner();
+        if hit.channels.len() == 2 {
+            hit.channels.extend(partner.filter(|channels| channels.len() == 2).unwrap_or_default());
+        }
+        hit
+    }
+
     fn first(
         &self,
         reading: Reading,
@@ -262,6 +278,7 @@ impl Layers {
             Role::Albedo => &["albedo", "basecolor", "diffuse", "diffcol", "texture"],
             Role::Normal => &["normal", "norm", "nrm"],
             Role::Visibility => &["visib", "shadow"],
+            Role::Motion => &["motion", "vector", "velocity"],
         };
         let usable = |layer: &&Layer| {
             anchor.is_none_or(|anchor| layer.view == anchor.view && layer.name(anchor.reading) != Some(&anchor.name))

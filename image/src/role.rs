@@ -15,6 +15,8 @@ pub enum Role {
     Normal,
     /// Visibility of the lights at the first hit v, 1 channel.
     Visibility,
+    /// Motion of what is seen to the neighbouring frames of a shot: two channels to one of them, or four to both.
+    Motion,
 }
 
 /// Which samples an image was made from.
@@ -30,9 +32,10 @@ pub enum Buffer {
 
 impl Role {
     /// All roles, in the order they are read.
-    pub const ALL: [Role; 5] = [Role::Radiance, Role::Denoised, Role::Albedo, Role::Normal, Role::Visibility];
+    pub const ALL: [Role; 6] =
+        [Role::Radiance, Role::Denoised, Role::Albedo, Role::Normal, Role::Visibility, Role::Motion];
 
-    /// The optional features.
+    /// The optional features, which network and g_c read.
     pub const FEATURES: [Role; 3] = [Role::Albedo, Role::Normal, Role::Visibility];
 
     /// The role with this [`Role::name`].
@@ -40,9 +43,13 @@ impl Role {
         Role::ALL.into_iter().find(|role| role.name() == name)
     }
 
-    /// Channels of an image of this role.
+    /// Channels of an image of this role, at most.
     pub fn channels(self) -> usize {
-        if self == Role::Visibility { 1 } else { 3 }
+        match self {
+            Role::Visibility => 1,
+            Role::Motion => 4,
+            Role::Radiance | Role::Denoised | Role::Albedo | Role::Normal => 3,
+        }
     }
 
     /// Its name on command lines, in models and in reports.
@@ -53,6 +60,7 @@ impl Role {
             Role::Albedo => "albedo",
             Role::Normal => "normal",
             Role::Visibility => "visibility",
+            Role::Motion => "motion",
         }
     }
 }
@@ -76,6 +84,7 @@ impl fmt::Display for Role {
             Role::Albedo => "albedo",
             Role::Normal => "normal",
             Role::Visibility => "visibility",
+            Role::Motion => "motion",
         })
     }
 }

@@ -23,8 +23,8 @@ pub enum Command {
     Run(Box<RunArguments>),
     /// Say what a model file is: its contract, its origin, its size
     Info(InfoArguments),
-    /// Measure a picture against a reference: relL2, SMAPE, PSNR, SSIM, FLIP
-    Evaluate(EvaluateArguments),
+    /// Measure a picture, or those of a shot, against references: relL2, SMAPE, PSNR, SSIM, FLIP, temporal error
+    Evaluate(Box<EvaluateArguments>),
 }
 
 /// Does what was asked.

@@ -1,5 +1,6 @@
-//! `evaluate`: a picture, and the denoiser's beside it, measured against a reference.
+//! `evaluate`: a picture, and the denoiser's beside it, measured against a reference; or those of a shot.
 
+use crate::evaluate_shot;
 use clap::Args;
 use serde::Serialize;
 use sspc_cli::interrupt;
@@ -17,7 +18,7 @@ use std::path::PathBuf;
 /// What `evaluate` is told.
 #[derive(Clone, Debug, Args)]
 pub struct EvaluateArguments {
-    /// The picture to measure (its R,G,B, Combined or Beauty)
+    /// The picture to measure (its R,G,B, Combined or Beauty; a pattern for a shot, as are reference and denoised)
     #[arg(value_name = "X.exr")]
     pub picture: PathBuf,
 
@@ -28,6 +29,10 @@ pub struct EvaluateArguments {
     /// The denoiser's picture, measured beside it
     #[arg(long, value_name = "Z.exr")]
     pub denoised: Option<PathBuf>,
+
+    /// Frames of a shot, e.g. 1001-1040: every figure for each frame and for the shot, and the temporal error
+    #[arg(long, value_name = "RANGE", conflicts_with = "error_map", allow_hyphen_values = true)]
+    pub frames: Option<String>,
 
     /// Factor on radiance before the display curve of PSNR, SSIM and FLIP [default: puts the geometric mean of the
     /// reference's luminance at middle grey, 0.18]
@@ -90,21 +95,39 @@ pub struct DenoisedEvaluation {
 /// # Errors
 /// A [`Failure`] with its exit code.
 pub fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
+    if let Some(frames) = &arguments.frames {
+        return evaluate_shot::run(arguments, &frames.parse()?);
+    }
     let inputs = inputs(arguments);
     if let Some(path) = &arguments.error_map {
         check_output(path, &inputs)?;
     }
-    let (picture, placing) = read_placed_picture(&arguments.picture, None)?;
-    let like = Like { path: &arguments.picture, placing };
-    let reference = read_reference(&arguments.reference, Some(like))?;
-    let denoised = arguments.denoised.as_deref().map(|path| read_picture(path, Some(like))).transpose()?;
-    let evaluation = evaluate(arguments, &picture, &reference, denoised.as_ref())?;
+    let read = Read::of(arguments)?;
+    let evaluation = evaluate(arguments, &read.picture, &read.reference, read.denoised.as_ref())?;
     interrupt::check()?;
     if let Some(path) = &arguments.error_map {
-        preview::write_png(path, &inputs, &preview::error_map(&rel_l2_map(&picture, &reference.mean)))?;
+        preview::write_png(path, &inputs, &preview::error_map(&rel_l2_map(&read.picture, &read.reference.mean)))?;
     }
     let text = if arguments.json { json(&evaluation)? } else { table(&evaluation) };
     print_result(&text)
+}
+
+/// The pictures of one evaluation.
+pub(crate) struct Read {
+    pub picture: Image,
+    pub reference: Reference,
+    pub denoised: Option<Image>,
+}
+
+impl Read {
+    /// Reads them, all of the picture's size.
+    pub fn of(arguments: &EvaluateArguments) -> Result<Self, Failure> {
+        let (picture, placing) = read_placed_picture(&arguments.picture, None)?;
+        let like = Like { path: &arguments.picture, placing };
+        let reference = read_reference(&arguments.reference, Some(like))?;
+        let denoised = arguments.denoised.as_deref().map(|path| read_picture(path, Some(like))).transpose()?;
+        Ok(Self { picture, reference, denoised })
+    }
 }
 
 fn inputs(arguments: &EvaluateArguments) -> Vec<PathBuf> {
@@ -112,7 +135,7 @@ fn inputs(arguments: &EvaluateArguments) -> Vec<PathBuf> {
     required.into_iter().chain(&arguments.denoised).cloned().collect()
 }
 
-fn evaluate(
+pub(crate) fn evaluate(
     arguments: &EvaluateArguments,
     picture: &Image,
     reference: &Reference,
@@ -154,7 +177,7 @@ fn evaluate(
     })
 }
 
-fn json(evaluation: &Evaluation) -> Result<String, Failure> {
+pub(crate) fn json(evaluation: &impl Serialize) -> Result<String, Failure> {
     let text = serde_json::to_string_pretty(evaluation);
     text.map(|text| text + "\n").map_err(|error| Failure::new(Code::Run, format!("cannot write as JSON: {error}"), ""))
 }

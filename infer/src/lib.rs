@@ -6,5 +6,6 @@ pub mod cli;
 pub mod clock;
 pub mod engine;
 pub mod evaluate;
+pub mod evaluate_shot;
 pub mod info;
 pub mod run;

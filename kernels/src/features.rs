@@ -65,6 +65,8 @@ impl FeatureSet {
             Role::Normal => self.normal,
             Role::Visibility => self.visibility,
             Role::Radiance | Role::Denoised => true,
+            // It moves pictures and is not read.
+            Role::Motion => false,
         }
     }
 

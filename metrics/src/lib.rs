@@ -1,4 +1,4 @@
-//! Errors of a picture against a reference: relL2, SMAPE, PSNR, SSIM, ꟻLIP.
+//! Errors of a picture against a reference: relL2, SMAPE, PSNR, SSIM, ꟻLIP; and of the change between two frames.
 //!
 //! [`relative`] works on radiance; [`displayed`] and [`flip`] on what a viewer sees, through
 //! [`sspc_image::display`]; [`summary`] is all of them at once. All sums are f64 in a fixed order, so that
@@ -11,6 +11,8 @@ pub mod filter;
 pub mod flip;
 pub mod relative;
 pub mod summary;
+pub mod temporal;
 
 pub use relative::{Measured, brightness, rel_l2, rel_l2_gain, smape};
 pub use summary::{Figures, figures};
+pub use temporal::temporal_error;

@@ -122,7 +122,7 @@ fn measure(image: &Image, reference: &Reference, error: impl Fn(f64, f64, f64, f
 }
 
 /// Mean over those pixels 0..`pixels` whose `value` is finite.
-fn mean_of_finite(pixels: usize, value: impl Fn(usize) -> f64) -> Measured {
+pub(crate) fn mean_of_finite(pixels: usize, value: impl Fn(usize) -> f64) -> Measured {
     let (mut sum, mut squares, mut finite) = (0.0, 0.0, 0u64);
     for value in (0..pixels).map(value).filter(|value| value.is_finite()) {
         sum += value;
@@ -140,7 +140,7 @@ fn mean_of_finite(pixels: usize, value: impl Fn(usize) -> f64) -> Measured {
     }
 }
 
-fn assert_same_shape(image: &Image, reference: &Image) {
+pub(crate) fn assert_same_shape(image: &Image, reference: &Image) {
     assert!(
         image.same_size(reference) && image.channels() == reference.channels(),
         "a picture of {}x{}x{} against a reference of {}x{}x{}",
@@ -153,10 +153,10 @@ fn assert_same_shape(image: &Image, reference: &Image) {
     );
 }
 
-fn value(image: &Image, c: usize, i: usize) -> f64 {
+pub(crate) fn value(image: &Image, c: usize, i: usize) -> f64 {
     f64::from(image.plane(c)[i])
 }
 
-fn channel_mean(image: &Image, i: usize) -> f64 {
+pub(crate) fn channel_mean(image: &Image, i: usize) -> f64 {
     (0..image.channels()).map(|c| value(image, c, i)).sum::<f64>() / image.channels() as f64
 }

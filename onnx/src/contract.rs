@@ -14,6 +14,10 @@ pub const CONTRACT_VERSION: u32 = 1;
 
 /// The version of a contract of several networks; with one, it is [`CONTRACT_VERSION`].
 pub const SEVERAL_NETWORKS_VERSION: u32 = 2;
+/// The version of a contract whose z is a temporal mean over neighbouring frames, with any number of networks.
+pub const SHOT_VERSION: u32 = 3;
+/// Most neighbouring frames on each side.
+pub const MAX_EXTRA_FRAMES: usize = 4;
 /// Most networks that the reader accepts.
 pub const MAX_NETWORKS: usize = 8;
 /// Most convolutions that the reader accepts: far more than are useful.
@@ -70,6 +74,8 @@ pub struct Contract {
     pub shape: Shape,
     /// How many networks of that size there are: one for each denoised picture of a half, in their order.
     pub networks: usize,
+    /// Neighbouring frames on each side whose warped mean stands in the place of z; 0 where z is the frame's own.
+    pub extra_frames: usize,
     /// Radius of the square window of g_c, pixels.
     pub window_radius: usize,
     /// How our own programs compose the picture; the image graph returns the mean of the halves.
@@ -100,6 +106,7 @@ impl Contract {
             form,
             shape: Shape::paper(form),
             networks: 1,
+            extra_frames: 0,
             window_radius: PAPER_RADIUS,
             composition: match form {
                 Form::Paper => Composition::MeanOfHalves,
@@ -118,6 +125,10 @@ impl Contract {
 
     /// The version that states it.
     pub fn version(&self) -> u32 {
-        if self.networks > 1 { SEVERAL_NETWORKS_VERSION } else { CONTRACT_VERSION }
+        match (self.extra_frames, self.networks) {
+            (0, 1) => CONTRACT_VERSION,
+            (0, _) => SEVERAL_NETWORKS_VERSION,
+            _ => SHOT_VERSION,
+        }
     }
 }

@@ -43,9 +43,12 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     .into_iter()
     .map(|(key, value)| (format!("{PREFIX}{key}"), value));
     let networks = (contract.networks > 1).then(|| (format!("{PREFIX}networks"), contract.networks.to_string()));
+    let frames = contract.extra_frames;
+    let extra_frames = (frames > 0).then(|| (format!("{PREFIX}extra_frames"), frames.to_string()));
     let extra = contract.extra.iter().map(|(k, v)| (format!("{EXTRA}{k}"), v.clone()));
     extra
         .chain(networks)
+        .chain(extra_frames)
         .chain(required)
         .map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) })
         .collect()
@@ -59,10 +62,14 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
 pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error> {
     let entries =
         Entries(entries.iter().map(|e| (e.key.as_deref().unwrap_or(""), e.value.as_deref().unwrap_or(""))).collect());
-    let networks = match entries.text("contract")? {
-        version if version == CONTRACT_VERSION.to_string() => 1,
-        version if version == SEVERAL_NETWORKS_VERSION.to_string() => entries.within("networks", 2, MAX_NETWORKS)?,
-        version => return Err(Error::Version { expected: SEVERAL_NETWORKS_VERSION, found: shown(version) }),
+    let (networks, extra_frames) = match entries.text("contract")? {
+        version if version == CONTRACT_VERSION.to_string() => (1, 0),
+        version if version == SEVERAL_NETWORKS_VERSION.to_string() => (entries.within("networks", 2, MAX_NETWORKS)?, 0),
+        version if version == SHOT_VERSION.to_string() => {
+            let networks = if entries.has("networks") { entries.within("networks", 2, MAX_NETWORKS)? } else { 1 };
+            (networks, entries.within("extra_frames", 1, MAX_EXTRA_FRAMES)?)
+        }
+        version => return Err(Error::Version { expected: SHOT_VERSION, found: shown(version) }),
     };
     let form = match entries.text("form")? {
         "paper" => Form::Paper,
@@ -89,6 +96,7 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
         form,
         shape,
         networks,
+        extra_frames,
         window_radius: entries.within("window_radius", 1, MAX_WINDOW_RADIUS)?,
         composition: match entries.text("composition")? {
             "mean-of-halves" => Composition::MeanOfHalves,
@@ -131,6 +139,10 @@ impl<'a> Entries<'a> {
     fn text(&self, key: &str) -> Result<&'a str, Error> {
         let key = format!("{PREFIX}{key}");
         self.0.get(key.as_str()).copied().ok_or(Error::MissingKey { key })
+    }
+
+    fn has(&self, key: &str) -> bool {
+        self.0.contains_key(format!("{PREFIX}{key}").as_str())
     }
 
     fn same(&self, key: &str, expected: &str) -> Result<(), Error> {

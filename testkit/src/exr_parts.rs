@@ -110,8 +110,21 @@ pub fn write_halves(folder: &Path) -> (PathBuf, PathBuf) {
 /// # Panics
 /// When the folder cannot be written to.
 pub fn write_picture(path: &Path, picture: &Picture) {
-    let channels = ["R", "G", "B"].iter().enumerate();
-    let list = channels.map(|(c, name)| AnyChannel::new(*name, FlatSamples::F32(picture.plane(c).to_vec())));
+    write_layers(path, &[("", "RGB", picture)]);
+}
+
+/// Writes pictures of one size as layers of one part, each with the endings of its channels.
+///
+/// # Panics
+/// When there is none, or the folder cannot be written to.
+pub fn write_layers(path: &Path, layers: &[(&str, &str, &Picture)]) {
+    let picture = layers[0].2;
+    let list = layers.iter().flat_map(|(layer, endings, picture)| {
+        endings.chars().enumerate().map(move |(c, ending)| {
+            let name = if layer.is_empty() { ending.to_string() } else { format!("{layer}.{ending}") };
+            AnyChannel::new(name.as_str(), FlatSamples::F32(picture.plane(c).to_vec()))
+        })
+    });
     let line_order = LineOrder::Increasing;
     let encoding = Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order };
     let size = (picture.width(), picture.height());

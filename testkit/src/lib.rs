@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`frames`] | frames in memory: the textured scene, the sample, prepared halves |
 //! | [`small_frame`] | a frame as files for command lines |
+//! | [`made_shot`] | a shot as files, with motion |
 //! | [`exr_parts`] | small OpenEXR files, part by part |
 //! | [`models`] | made-up models and features |
 //! | [`case`](mod@case) | the parity cases of the PyTorch reference |
@@ -25,6 +26,7 @@ pub mod faults;
 pub mod frames;
 pub mod golden;
 pub mod kernels;
+pub mod made_shot;
 pub mod method;
 pub mod models;
 pub mod peak;

@@ -6,14 +6,16 @@ use crate::fits::{Fits, fit_variants, starting_networks};
 use crate::inputs::{Input, read};
 use crate::outcome::{Outcome, correct_frame};
 use crate::output_folder::OutputFolder;
-use crate::preset::Settings;
+use crate::preset::{Preset, Settings};
 use crate::progress::{BAR, Progress, TRAINED};
 use crate::report::{FitReport, FitSeconds, RelL2};
 use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
 use sspc_cli::record::peak_rss_bytes;
-use sspc_cli::{Code, Denoising, Failure, interrupt};
+use sspc_cli::shot::Shot;
+use sspc_cli::shot::settings::{MotionSearch, ShotSettings};
+use sspc_cli::{Code, Denoising, Failure, FrameJob, interrupt};
 use sspc_core::estimate::Mean;
 use sspc_core::frame_sums::Verdict;
 use sspc_core::prepare::Prepared;
@@ -39,15 +41,23 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         None => None,
     };
     let overrides = args.frame.overrides()?;
-    let jobs = args.frame.jobs(args.reference.as_deref())?;
+    let all = args.frame.jobs(args.reference.as_deref())?;
+    let jobs = training_frames(&all);
+    if jobs.len() < all.len() {
+        let names: Vec<String> = jobs.iter().filter_map(|job| job.number).map(|number| number.to_string()).collect();
+        let (count, of, list) = (jobs.len(), all.len(), names.join(", "));
+        output
+            .say(&format!("fits to {count} of {of} frames: {list}; sspc-infer run corrects the others with the model"));
+    }
     let denoising = Denoising::new(&args.frame.denoise);
+    let shot = if args.run.dry_run { None } else { shot(args, &jobs, &denoising, &output)? };
     let mut frames = Vec::new();
     for job in jobs {
         for view in args.frame.overrides_of_views(&job.files)? {
             if args.run.dry_run && denoising.describe_frame(&output, &job, &view)? {
                 continue;
             }
-            frames.push(read(job.clone(), &view, &settings, &denoising)?);
+            frames.push(read(job.clone(), shot.as_ref(), &view, &settings, &denoising)?);
         }
     }
     let (inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
@@ -97,11 +107,49 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         .map(|(input, outcome)| report(args, isa, &settings, input, &fitted, outcome, seconds))
         .collect();
     interrupt::check()?;
-    let written = Written { args, settings: &settings, inputs: &inputs, fitted: &fitted, outcomes: &outcomes };
+    let shot = shot.as_ref().map(|shot| *shot.settings());
+    let written = Written { args, shot, settings: &settings, inputs: &inputs, fitted: &fitted, outcomes: &outcomes };
     write_outputs(&written, &overrides, reports, folder, start)?;
     outcomes.iter().zip(&inputs).for_each(|(outcome, input)| say_result(&output, input, outcome));
     output.progress(100.0);
     Ok(())
+}
+
+/// Frames of a shot that are trained on, at most: a model of eight serves a long shot as well as one of all its frames, and
+/// time and memory stay bounded.
+const MOST_FRAMES: usize = 8;
+
+/// The frames to train on: all, or as many as are needed, spread evenly from the first to the last.
+fn training_frames(all: &[FrameJob]) -> Vec<FrameJob> {
+    let count = all.len().min(MOST_FRAMES);
+    let place = |k: usize| k * (all.len() - 1) / (count - 1).max(1);
+    (0..count).map(|k| all[place(k)].clone()).collect()
+}
+
+/// The shot whose neighbouring frames take part, with what its motion pass means.
+fn shot<'a>(
+    args: &FitArgs,
+    jobs: &[FrameJob],
+    denoising: &'a Denoising<'a>,
+    output: &Output,
+) -> Result<Option<Shot<'a>>, Failure> {
+    // The paper knows single frames.
+    let usual = if args.preset == Preset::Paper { 0 } else { 1 };
+    let extra_frames = args.frame.extra_frames.unwrap_or(usual);
+    let Some(files) = args.frame.shot_patterns()?.filter(|_| extra_frames > 0) else { return Ok(None) };
+    let mut settings = ShotSettings { extra_frames, motion: [None; 2] };
+    let searched = Shot::new(files.clone(), settings, denoising);
+    let mut search = MotionSearch::default();
+    for job in [jobs.first(), jobs.get(jobs.len() / 2), jobs.last()].into_iter().flatten() {
+        let views = args.frame.overrides_of_views(&job.files)?;
+        if let (Some(number), Some(view)) = (job.number, views.first()) {
+            searched.look_for_motion(number, view, &mut search)?;
+        }
+    }
+    let (motion, said) = search.finish();
+    settings.motion = motion;
+    said.iter().for_each(|line| output.say(line));
+    Ok(Some(Shot::new(files, settings, denoising)))
 }
 
 /// The networks to start from: as many as every frame has variants of z.
@@ -164,6 +212,7 @@ fn report(
         denoiser: input.denoiser.clone(),
         skipped: input.skipped.clone(),
         warnings: input.warnings.clone(),
+        neighbours: input.neighbours.clone(),
         settings: settings.clone(),
         planned_steps: fitted.planned,
         history: fitted.history.clone(),
@@ -175,6 +224,7 @@ fn say_what_was_read(output: &Output, input: &Input) {
     input.roles.iter().for_each(|source| output.say(&role_line(source)));
     input.denoiser.iter().for_each(|made| output.say(&made.line()));
     output.detail(&format!("  {}", input.stats.independence));
+    input.neighbours.iter().for_each(|neighbour| output.detail(&neighbour.line()));
     input.warnings.iter().for_each(|warning| output.say(&format!("  note: {warning}")));
     output.say(&format!("  the picture replaces {}", input.output.channels().join(", ")));
     input.skipped.iter().for_each(|s| output.say(&format!("  skipped: {} ({})", s.what, s.why)));

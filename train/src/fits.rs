@@ -2,7 +2,7 @@
 //! different places, and their mean errs less than any of them.
 
 use crate::backend::Backend;
-use crate::fit::{Control, End, Fitted, Limits, StepRecord, fit, starting_network};
+use crate::fit::{Control, End, Fitted, Limits, StepRecord, fit_variant, starting_network};
 use crate::preset::Settings;
 use sspc_core::prepare::Prepared;
 use sspc_kernels::network::Network;
@@ -65,7 +65,7 @@ pub fn fit_variants(
         let share = |limit: Duration| limit.saturating_sub(start.elapsed()) / (count - k) as u32;
         let limits = Limits { time: limits.time.map(share), ..limits.clone() };
         let Fitted { network, history, planned, dropped, end, .. } =
-            fit(&frames, &of_network(settings, k), network, &limits, backend, isa, |step| {
+            fit_variant(&frames, prepared, &of_network(settings, k), network, &limits, backend, isa, |step| {
                 let of = before + (count - k) * step.of;
                 observe(&StepRecord { step: before + step.step, of, seconds: start.elapsed().as_secs_f64(), ..*step })
             });

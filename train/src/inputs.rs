@@ -3,6 +3,8 @@
 use crate::preset::Settings;
 use crate::report::{Rivals, Skipped, skipped};
 use sspc_cli::reading::{ReadFrame, Source};
+use sspc_cli::shot::report::NeighbourReport;
+use sspc_cli::shot::{Residence, Shot, ShotFrame};
 use sspc_cli::{DenoiserReport, Denoising, Failure, FrameJob};
 use sspc_core::fill::values_from_sources;
 use sspc_core::frame_stats::FrameStats;
@@ -32,6 +34,8 @@ pub struct Input {
     pub denoiser: Option<DenoiserReport>,
     /// What a person should know.
     pub warnings: Vec<String>,
+    /// Neighbouring frames of a shot, and what was done with them.
+    pub neighbours: Vec<NeighbourReport>,
     /// What was decided for the whole frame.
     pub stats: FrameStats,
     /// Features in use.
@@ -82,23 +86,35 @@ fn file_text(view: &str) -> String {
     view.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect()
 }
 
-/// Reads one frame and its reference, and prepares it; what its files do not hold is denoised first.
+/// Reads one frame and its reference, and prepares it; what its files do not hold is denoised first. One of a `shot` comes
+/// with its neighbours.
 ///
 /// # Errors
 /// What reading a file can raise, halves that cannot be used, and no denoiser where one is needed.
 pub fn read(
     job: FrameJob,
+    shot: Option<&Shot>,
     overrides: &RoleOverrides,
     settings: &Settings,
     denoising: &Denoising,
 ) -> Result<(Input, Prepared), Failure> {
     let FrameJob { number, files } = job;
-    let mut open = OpenFrame::open_to_denoise(&files, overrides)?;
-    let denoiser = denoising.supply(&mut open)?;
+    let in_shot = shot.zip(number);
+    let mut open = match in_shot {
+        Some((shot, number)) => shot.open(number, overrides)?,
+        None => OpenFrame::open_to_denoise(&files, overrides)?,
+    };
     let output = open.output()?;
-    let ReadFrame { source, stats, roles, warnings, different } = ReadFrame::held(&open, settings.exposure)?;
-    let Source::Held(frame) = source else { unreachable!("a frame that is held") };
     let like = Like { path: &files.a, placing: open.placing() };
+    let ShotFrame { frame, denoiser, neighbours } = match in_shot {
+        Some((shot, number)) => shot.read(number, open, overrides, settings.exposure, Residence::Memory)?,
+        None => {
+            let denoiser = denoising.supply(&mut open)?;
+            ShotFrame { frame: ReadFrame::held(&open, settings.exposure)?, denoiser, neighbours: Vec::new() }
+        }
+    };
+    let ReadFrame { source, stats, roles, warnings, different } = frame;
+    let Source::Held(frame) = source else { unreachable!("a frame that is held") };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;
     let stats = stats.with_features_of(settings.features);
     let (fill, shown_exposure, shown_noisy, rivals) = {
@@ -125,6 +141,7 @@ pub fn read(
         roles,
         denoiser,
         warnings,
+        neighbours,
         stats,
         features: prepared.set,
         skipped: skipped(&prepared),

@@ -5,6 +5,7 @@ use crate::preset::{Preset, Settings};
 use serde::Serialize;
 use sspc_cli::DenoiserReport;
 use sspc_cli::record::FilledRole;
+use sspc_cli::shot::report::NeighbourReport;
 use sspc_core::composition::Composition;
 use sspc_core::estimate::{Estimate, Losses, Mean};
 use sspc_core::frame_stats::Findings;
@@ -205,6 +206,9 @@ pub struct FitReport {
     pub skipped: Vec<Skipped>,
     /// What a person should know.
     pub warnings: Vec<String>,
+    /// Neighbouring frames of a shot, and what was done with them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub neighbours: Vec<NeighbourReport>,
     /// Every setting, as training obeyed it.
     pub settings: Settings,
     /// Steps that were planned for this frame size, skips and visits considered.

@@ -10,6 +10,7 @@ use crate::preset::Settings;
 use crate::report::FitReport;
 use rayon::prelude::*;
 use sspc_cli::record::{self, peak_rss_bytes};
+use sspc_cli::shot::settings::ShotSettings;
 use sspc_cli::{Code, Failure, KeptModes};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::preview::{Rgb8, error_map, strip, tone_map, write_png};
@@ -29,6 +30,8 @@ const MODEL: &str = "model.onnx";
 pub struct Written<'a> {
     /// As given.
     pub args: &'a FitArgs,
+    /// How neighbouring frames take part, in a shot.
+    pub shot: Option<ShotSettings>,
     /// As training obeyed them.
     pub settings: &'a Settings,
     /// The frames.
@@ -143,7 +146,7 @@ pub fn write_outputs(
 }
 
 /// The fitted networks with their contract.
-fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Model, Failure> {
+fn model(&Written { args, shot, settings, inputs, fitted, .. }: &Written) -> Result<Model, Failure> {
     let mut contract = Contract::new(settings.form);
     contract.shape = settings.shape;
     contract.window_radius = settings.radius;
@@ -160,6 +163,12 @@ fn model(&Written { args, settings, inputs, fitted, .. }: &Written) -> Result<Mo
     }
     if let Some(made) = &inputs[0].denoiser {
         contract.extra.insert(KeptModes::KEY.into(), made.kept().to_string());
+    }
+    // Without any neighbour the network has seen nothing but z.
+    let has_neighbours = inputs.iter().flat_map(|input| &input.neighbours).any(|found| found.left_out.is_none());
+    if let Some(shot) = shot.filter(|_| has_neighbours) {
+        contract.extra_frames = shot.extra_frames;
+        contract.extra.extend(shot.to_model());
     }
     contract.networks = fitted.networks.len();
     let weights = fitted.networks.iter().flat_map(|network| network.weights.iter().copied()).collect();

@@ -7,6 +7,8 @@ use super::report::{FrameReport, FrameSeconds, RelL2};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::reading::ReadFrame;
+use sspc_cli::shot::report::NeighbourReport;
+use sspc_cli::shot::{Residence, ShotFrame};
 use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
 use sspc_core::bands::FrameBands;
 use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
@@ -44,7 +46,7 @@ pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>
     let write = begin.elapsed().as_secs_f64();
     let count = views.len();
     for view in views {
-        let View { corrected, stats, roles, denoiser, warnings, read, name, beside, .. } = view;
+        let View { corrected, stats, roles, denoiser, warnings, neighbours, read, name, beside, .. } = view;
         let seconds = FrameSeconds {
             read,
             features: corrected.seconds.features,
@@ -54,7 +56,7 @@ pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>
         };
         let rel_l2 = beside.as_ref().and_then(|beside| beside.rel_l2(&corrected.picture));
         let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, rel_l2, seconds);
-        let report = FrameReport { denoiser, ..report };
+        let report = FrameReport { denoiser, neighbours, ..report };
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
@@ -78,6 +80,7 @@ struct View {
     roles: Vec<RoleSource>,
     denoiser: Option<DenoiserReport>,
     warnings: Vec<String>,
+    neighbours: Vec<NeighbourReport>,
     /// Seconds.
     read: f64,
     /// Where the picture is shown or measured.
@@ -88,16 +91,26 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     let Shared { arguments, engine, isa, .. } = *shared;
     let start = Instant::now();
     let contract = &engine.model().contract;
-    let mut open = OpenFrame::open_to_denoise(&job.frame.files, overrides)?;
+    let in_shot = shared.shot.zip(job.frame.number);
+    let mut open = match in_shot {
+        Some((shot, number)) => shot.open(number, overrides)?,
+        None => OpenFrame::open_to_denoise(&job.frame.files, overrides)?,
+    };
     let (output, placing) = (open.output()?, open.placing());
-    let denoiser = shared.denoising.supply(&mut open)?;
-    let frame = ReadFrame::read(open, contract.exposure)?;
+    let ShotFrame { frame, denoiser, neighbours } = match in_shot {
+        Some((shot, number)) => shot.read(number, open, overrides, contract.exposure, Residence::AsFits)?,
+        None => {
+            let denoiser = shared.denoising.supply(&mut open)?;
+            ShotFrame { frame: ReadFrame::read(open, contract.exposure)?, denoiser, neighbours: Vec::new() }
+        }
+    };
     let shows = arguments.report || arguments.reference.is_some();
     let reference = job.frame.files.reference.as_ref().filter(|_| shows);
     let like = Like { path: &job.frame.files.a, placing };
     let reference = reference.map(|path| read_reference(path, Some(like))).transpose()?;
     let read = start.elapsed().as_secs_f64();
     say_what_was_read(shared, job, &frame, denoiser.as_ref());
+    neighbours.iter().for_each(|neighbour| shared.output.detail(&neighbour.line()));
 
     let beside = shows.then(|| Beside::read(&frame.source, frame.different.as_ref(), reference)).transpose()?;
     let ReadFrame { source, stats, roles, warnings, .. } = frame;
@@ -124,7 +137,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         CorrectError::Bands(error) => error.into(),
     })?;
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
-    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, read, beside })
+    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, neighbours, read, beside })
 }
 
 /// One file of the pictures of all views.
@@ -146,7 +159,10 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
         check_outputs(shared, job, &inputs(shared, job))?;
         let mut plans = Vec::new();
         for overrides in shared.arguments.frame.overrides_of_views(&job.frame.files)? {
-            let open = OpenFrame::open_to_denoise(&job.frame.files, &overrides)?;
+            let open = match shared.shot.zip(job.frame.number) {
+                Some((shot, number)) => shot.open(number, &overrides)?,
+                None => OpenFrame::open_to_denoise(&job.frame.files, &overrides)?,
+            };
             lines.extend(open.sources().iter().map(role_line));
             lines.extend(shared.denoising.describe(&open)?);
             lines.extend(open.notes().iter().map(|note| format!("  note: {note}")));

@@ -20,10 +20,12 @@ use arguments::{Job, RunArguments};
 use page::PageOfRun;
 use shared::Shared;
 use sspc_cli::output::Output;
+use sspc_cli::shot::Shot;
+use sspc_cli::shot::settings::ShotSettings;
 use sspc_cli::{Code, Denoising, Failure, KeptModes, interrupt};
 use sspc_frames::atomic::check_output;
 use sspc_kernels::simd::Isa;
-use sspc_onnx::load_model;
+use sspc_onnx::{Contract, load_model};
 use std::path::PathBuf;
 
 /// Runs the subcommand: every frame that can be corrected is, whatever happens to the others.
@@ -44,8 +46,16 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let output = Output::new(arguments.run.verbosity(), bar).with_progress(arguments.run.progress);
     let kept = engine.model().contract.extra.get(KeptModes::KEY).and_then(|kept| KeptModes::of(kept));
     let denoising = Denoising::new(&arguments.frame.denoise).as_kept(kept);
-    let shared =
-        Shared { arguments, overrides: &overrides, denoising: &denoising, engine: &engine, isa, output: &output };
+    let shot = shot(arguments, &engine.model().contract, &denoising, &output)?;
+    let shared = Shared {
+        arguments,
+        overrides: &overrides,
+        denoising: &denoising,
+        shot: shot.as_ref(),
+        engine: &engine,
+        isa,
+        output: &output,
+    };
     arguments.run.start_threads()?;
     if arguments.run.dry_run {
         return all(&jobs, &output, |job| frame::describe(&shared, job));
@@ -65,6 +75,33 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         page.write(&jobs, &protected, &output)?;
     }
     done
+}
+
+/// The shot whose frames are read with their neighbours: as the model was fitted, unless the user says otherwise.
+fn shot<'a>(
+    arguments: &RunArguments,
+    contract: &Contract,
+    denoising: &'a Denoising<'a>,
+    output: &Output,
+) -> Result<Option<Shot<'a>>, Failure> {
+    let fitted = ShotSettings::of_model(contract.extra_frames, &contract.extra).map_err(|error| {
+        let message = format!("{}: {error}", arguments.model.display());
+        Failure::new(Code::Input, message, "fit the model again, or run it with the version that fitted it")
+    })?;
+    let files = arguments.frame.shot_patterns()?;
+    let extra_frames = arguments.frame.extra_frames.unwrap_or(fitted.extra_frames);
+    if files.is_some() && extra_frames != fitted.extra_frames {
+        output.say(&format!(
+            "note: the model was fitted with {} neighbouring frames on each side and runs with {extra_frames}",
+            fitted.extra_frames
+        ));
+    }
+    if files.is_none() && fitted.extra_frames > 0 {
+        output
+            .say("note: the model was fitted with neighbouring frames; a frame by itself, not named by --a, has none");
+    }
+    let settings = ShotSettings { extra_frames, ..fitted };
+    Ok(files.filter(|_| extra_frames > 0).map(|files| Shot::new(files, settings, denoising)))
 }
 
 /// Does every job; goes on after a bad input, ends at a failed output, which would fail again.

@@ -6,6 +6,7 @@ use crate::clock;
 use serde::Serialize;
 use sspc_cli::DenoiserReport;
 use sspc_cli::record::{FilledRole, peak_rss_bytes, shown_path};
+use sspc_cli::shot::report::NeighbourReport;
 use sspc_core::composition::Composition;
 use sspc_core::correct::Corrected;
 use sspc_core::estimate::{Estimate, Losses};
@@ -131,6 +132,9 @@ pub struct FrameReport {
     pub denoiser: Option<DenoiserReport>,
     /// What a person should know.
     pub warnings: Vec<String>,
+    /// Neighbouring frames of a shot, and what was done with them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub neighbours: Vec<NeighbourReport>,
 }
 
 impl FrameReport {
@@ -187,6 +191,7 @@ impl FrameReport {
             roles: roles.iter().map(Into::into).collect(),
             denoiser: None,
             warnings,
+            neighbours: Vec::new(),
         }
     }
 }

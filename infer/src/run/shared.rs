@@ -4,6 +4,7 @@ use super::arguments::RunArguments;
 use crate::engine::Engine;
 use sspc_cli::Denoising;
 use sspc_cli::output::Output;
+use sspc_cli::shot::Shot;
 use sspc_frames::RoleOverrides;
 use sspc_kernels::simd::Isa;
 
@@ -19,6 +20,8 @@ pub struct Shared<'a> {
     pub engine: &'a Engine,
     /// Instruction set of our kernels.
     pub isa: Isa,
+    /// The frames' neighbours, where the model was fitted with them.
+    pub shot: Option<&'a Shot<'a>>,
     /// Where lines go.
     pub output: &'a Output,
 }

@@ -11,3 +11,4 @@ mod loss;
 mod metric;
 mod network;
 mod refusals;
+mod shot;

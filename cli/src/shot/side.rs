@@ -1,0 +1,171 @@
+//! One buffer of a frame, from memory or from files.
+
+use crate::denoising::DenoiserReport;
+use rayon::join;
+use sspc_core::prepare::baseline;
+use sspc_frames::OpenFrame;
+use sspc_frames::error::Error;
+use sspc_image::{Buffer, Frame, HalfBuffer, Image, Role};
+use sspc_shots::flow::Matchable;
+use sspc_shots::validity::Guides;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
+const HALVES: [Buffer; 2] = [Buffer::A, Buffer::B];
+
+/// A frame that was decoded whole.
+pub struct Decoded {
+    /// As read.
+    pub frame: Frame,
+    /// Motion of half a and of half b.
+    pub motion: Option<[Image; 2]>,
+    /// Which denoised pictures were made, where the files do not hold them.
+    pub denoiser: Option<DenoiserReport>,
+    matchable: [OnceLock<Arc<Matchable>>; 2],
+}
+
+impl Decoded {
+    /// Decodes a frame whose roles were found and whose denoised pictures were made.
+    ///
+    /// # Errors
+    /// What reading can raise.
+    pub fn read(open: &OpenFrame, denoiser: Option<DenoiserReport>) -> Result<Self, Error> {
+        let all = 0..open.height();
+        let motion = || HALVES.map(|half| open.role_rows(Role::Motion, half, all.clone()));
+        let (frame, [a, b]) = join(|| open.rows(all.clone()), motion);
+        let motion = a?.zip(b?).map(|(a, b)| [a, b]);
+        Ok(Self { frame: frame?, motion, denoiser, matchable: Default::default() })
+    }
+
+    /// One half.
+    pub fn half(&self, half: usize) -> &HalfBuffer {
+        if half == 0 { &self.frame.a } else { &self.frame.b }
+    }
+}
+
+/// Where the buffers of a frame come from.
+pub enum Sides {
+    /// Memory.
+    Decoded(Arc<Decoded>),
+    /// Files, each time again.
+    Files(Box<OpenFrame>),
+}
+
+/// What one half gives to its neighbours' means.
+pub struct Side<'a> {
+    /// What is averaged: its variants of z, or z alone, `[3, H, W]` each.
+    pub pictures: Vec<Cow<'a, Image>>,
+    /// z.
+    pub denoised: Cow<'a, Image>,
+    albedo: Option<Cow<'a, Image>>,
+    normal: Option<Cow<'a, Image>>,
+    /// The motion pass, two to four components.
+    pub motion: Option<Cow<'a, Image>>,
+    matchable: Option<&'a OnceLock<Arc<Matchable>>>,
+}
+
+impl Side<'_> {
+    /// Its features.
+    pub fn guides(&self) -> Guides<'_> {
+        Guides { albedo: self.albedo.as_deref(), normal: self.normal.as_deref() }
+    }
+
+    /// What motion is estimated from.
+    pub fn matchable(&self) -> Arc<Matchable> {
+        let make = || Arc::new(Matchable::of(&self.denoised, &self.guides()));
+        match self.matchable {
+            Some(known) => known.get_or_init(make).clone(),
+            None => make(),
+        }
+    }
+}
+
+impl Sides {
+    /// Rows and columns.
+    pub fn size(&self) -> (usize, usize) {
+        match self {
+            Sides::Decoded(decoded) => (decoded.frame.height(), decoded.frame.width()),
+            Sides::Files(open) => (open.height(), open.width()),
+        }
+    }
+
+    /// One half.
+    ///
+    /// # Errors
+    /// What reading can raise.
+    pub fn half(&self, half: usize) -> Result<Side<'_>, Error> {
+        match self {
+            Sides::Decoded(decoded) => {
+                let own = decoded.half(half);
+                let variants = decoded.frame.variants.iter().map(|variant| Cow::Borrowed(&variant.halves[half]));
+                Ok(Side {
+                    pictures: or_itself(variants.collect(), || Cow::Borrowed(&own.denoised)),
+                    denoised: Cow::Borrowed(&own.denoised),
+                    albedo: own.albedo.as_ref().map(Cow::Borrowed),
+                    normal: own.normal.as_ref().map(Cow::Borrowed),
+                    motion: decoded.motion.as_ref().map(|motion| Cow::Borrowed(&motion[half])),
+                    matchable: Some(&decoded.matchable[half]),
+                })
+            }
+            Sides::Files(open) => {
+                let (buffer, all) = (HALVES[half], 0..open.height());
+                let pictures = open.denoised_rows(buffer, all.clone())?;
+                let role = |role| Ok::<_, Error>(open.role_rows(role, buffer, all.clone())?.map(Cow::Owned));
+                Ok(Side {
+                    // The first is z itself.
+                    denoised: Cow::Owned(pictures[0].clone()),
+                    pictures: pictures.into_iter().map(Cow::Owned).collect(),
+                    albedo: role(Role::Albedo)?,
+                    normal: role(Role::Normal)?,
+                    motion: role(Role::Motion)?,
+                    matchable: None,
+                })
+            }
+        }
+    }
+
+    /// The pictures of the full buffer that are averaged.
+    ///
+    /// # Errors
+    /// What reading can raise.
+    pub fn full(&self) -> Result<Vec<Cow<'_, Image>>, Error> {
+        match self {
+            Sides::Decoded(decoded) => {
+                let variants = decoded.frame.variants.iter().map(|variant| match &variant.full {
+                    Some(full) => Cow::Borrowed(full),
+                    None => Cow::Owned(Image::mean_of(&variant.halves[0], &variant.halves[1])),
+                });
+                Ok(or_itself(variants.collect(), || baseline(&decoded.frame)))
+            }
+            Sides::Files(open) => {
+                let pictures = open.denoised_rows(Buffer::Full, 0..open.height())?;
+                Ok(pictures.into_iter().map(Cow::Owned).collect())
+            }
+        }
+    }
+
+    /// Noisy and denoised picture of some rows of a half.
+    ///
+    /// # Errors
+    /// What reading can raise.
+    pub fn noisy_rows(&self, half: usize, rows: Range<usize>) -> Result<[Image; 2], Error> {
+        match self {
+            Sides::Decoded(decoded) => {
+                let own = decoded.half(half);
+                Ok([&own.radiance, &own.denoised].map(|image| image.crop(rows.start, 0, rows.len(), image.width())))
+            }
+            Sides::Files(open) => {
+                let denoised = open.denoised_rows(HALVES[half], rows.clone())?.swap_remove(0);
+                match open.role_rows(Role::Radiance, HALVES[half], rows)? {
+                    Some(radiance) => Ok([radiance, denoised]),
+                    None => unreachable!("every frame has colour"),
+                }
+            }
+        }
+    }
+}
+
+fn or_itself<'a>(variants: Vec<Cow<'a, Image>>, own: impl Fn() -> Cow<'a, Image>) -> Vec<Cow<'a, Image>> {
+    if variants.is_empty() { vec![own()] } else { variants }
+}
