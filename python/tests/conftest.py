@@ -30,7 +30,7 @@ def make_frame(height=40, width=56, seed=0, noise=0.3):
     frame = {}
     for half in "ab":
         frame[half] = truth * random.exponential(1.0, truth.shape) ** noise
-        frame[f"denoised_{half}"] = blurred + 0.02 * random.standard_normal(truth.shape)
+        frame[f"denoised_{half}"] = np.maximum(blurred + 0.02 * random.standard_normal(truth.shape), 0)
         frame[f"albedo_{half}"] = albedo + 0.01 * random.standard_normal(truth.shape)
         frame[f"normal_{half}"] = np.stack([np.sin(x / 9), np.cos(x / 9), 0 * x], axis=-1)
         frame[f"visibility_{half}"] = (x + y > 30).astype(np.float32) + 0.1 * random.random((height, width))
