@@ -53,7 +53,7 @@ impl From<&StepRecord> for Step {
 /// Fits a model to one frame.
 #[pyfunction]
 #[pyo3(signature = (frame, *, preset, seed, steps, time_limit, changes, init, progress))]
-#[expect(clippy::too_many_arguments, reason = "Python's keyword arguments")]
+#[allow(clippy::too_many_arguments, reason = "Python's keyword arguments")]
 pub fn fit(
     py: Python<'_>,
     frame: Arrays,

@@ -5,13 +5,13 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`arrays`] | bytes of Python to planar images, and back |
-//! | [`frame`] | named arrays to a frame that was looked over |
-//! | [`fitting`] | `fit` |
-//! | [`model`] | the fitted model: correct, load, save |
-//! | [`report`] | what is told of a fit and of a picture |
-//! | [`evaluation`] | `evaluate` |
-//! | [`stop`] | failures, Ctrl-C, callbacks that raise |
+//! | `arrays` | bytes of Python to planar images, and back |
+//! | `frame` | named arrays to a frame that was looked over |
+//! | `fitting` | `fit` |
+//! | `model` | the fitted model: correct, load, save |
+//! | `report` | what is told of a fit and of a picture |
+//! | `evaluation` | `evaluate` |
+//! | `stop` | failures, Ctrl-C, callbacks that raise |
 
 #![forbid(unsafe_code)]
 
