@@ -1,6 +1,6 @@
 //! `fit`: arrays to a fitted model, by the functions of `sspc-train fit`.
 
-use crate::frame::Arrays;
+use crate::frame::{Arrays, Given};
 use crate::model::{Model, TOOL};
 use crate::report::{FitReport, Known};
 use crate::stop::{Stop, Watch, check_fork, check_signals, nonsense};
@@ -56,7 +56,7 @@ impl From<&StepRecord> for Step {
 #[allow(clippy::too_many_arguments, reason = "Python's keyword arguments")]
 pub fn fit(
     py: Python<'_>,
-    frame: Arrays,
+    frame: Given<'_>,
     preset: &str,
     seed: u64,
     steps: Option<usize>,
@@ -66,6 +66,7 @@ pub fn fit(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
     let how = Request { preset: preset.to_string(), seed, steps, time_limit, changes, init, progress };
+    let frame = Arrays::take(frame)?;
     Ok(py.detach(|| how.run(frame))?)
 }
 

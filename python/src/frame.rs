@@ -2,14 +2,18 @@
 
 use crate::arrays;
 use crate::stop::Stop;
+use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
+use pyo3::types::PyDict;
 use sspc_cli::reading::InspectedFrame;
 use sspc_core::frame_stats::Exposure;
 use sspc_image::{Buffer, Frame, HalfBuffer, Image, Role, RoleSource};
 use std::collections::BTreeMap;
 
 /// The arrays of a frame as Python hands them over: height, width, and the bytes of each by its [`argument`].
-#[derive(pyo3::FromPyObject)]
+pub type Given<'py> = (usize, usize, Bound<'py, PyDict>);
+
+/// The same, owned here alone: the bytes are gone as soon as they are images.
 pub struct Arrays(usize, usize, BTreeMap<String, PyBackedBytes>);
 
 /// What Python's signatures and messages call a role of a buffer.
@@ -22,6 +26,16 @@ fn argument(role: Role, buffer: Buffer) -> String {
 }
 
 impl Arrays {
+    /// Takes the arrays out of Python's dictionary.
+    ///
+    /// # Errors
+    /// Values that are no bytes.
+    pub fn take((height, width, given): Given<'_>) -> PyResult<Self> {
+        let arrays = given.extract()?;
+        given.clear();
+        Ok(Arrays(height, width, arrays))
+    }
+
     /// The frame, looked over as the programs do with files.
     ///
     /// # Errors

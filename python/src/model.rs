@@ -1,7 +1,7 @@
 //! The fitted model: corrects arrays by the functions of `sspc-infer run`, and is the same file.
 
 use crate::arrays;
-use crate::frame::Arrays;
+use crate::frame::{Arrays, Given};
 use crate::report::{FitReport, PictureReport};
 use crate::stop::{Stop, Watch, check_fork, check_signals, nonsense};
 use pyo3::prelude::*;
@@ -105,7 +105,8 @@ impl Model {
         written.map_err(|stop: Stop| stop.into())
     }
 
-    fn correct<'py>(&self, py: Python<'py>, frame: Arrays, strength: f32) -> PyResult<Picture<'py>> {
+    fn correct<'py>(&self, py: Python<'py>, frame: Given<'py>, strength: f32) -> PyResult<Picture<'py>> {
+        let frame = Arrays::take(frame)?;
         let (picture, share, report) = py.detach(|| self.correct_frame(frame, strength))?;
         Ok((arrays::bytes(py, &picture)?, arrays::bytes(py, &share)?, report))
     }

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+# Height, width, and arrays by name; the dictionary is emptied by whoever takes it.
 _Frame = tuple[int, int, dict[str, bytes]]
 _Figures = tuple[float, float, float, float, float, float, float, int, int]
 
