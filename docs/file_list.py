@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "ARCHITECTURE.md"
 FOLDERS = ["image", "kernels", "frames", "metrics", "core", "onnx", "cli", "train", "infer", "testkit", "tests", "fuzz"]
-FOLDERS += ["reference-py", "bench", "scenes", "integrations", "docs"]
+FOLDERS += ["python", "reference-py", "bench", "scenes", "integrations", "docs"]
 START, END = "<!-- files: written by docs/file_list.py -->\n", "<!-- end of files -->\n"
 
 

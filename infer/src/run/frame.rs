@@ -4,10 +4,10 @@ use super::arguments::Job;
 use super::report::{FrameReport, FrameSeconds};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
-use sspc_cli::reading::ReadFrame;
+use sspc_cli::reading::{ReadFrame, check_variants};
 use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
 use sspc_core::bands::FrameBands;
-use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
+use sspc_core::correct::{CorrectError, Corrected, correct};
 use sspc_core::frame_stats::FrameStats;
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::{OpenFrame, OutputPlan, RoleOverrides};
@@ -86,22 +86,9 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     say_what_was_read(shared, job, &frame, denoiser.as_ref());
 
     let ReadFrame { source, stats, roles, warnings, .. } = frame;
-    let found = source.variants().max(1);
-    if found != contract.networks {
-        let message = format!("the model wants {} denoised pictures of each half, found {found}", contract.networks);
-        return Err(Failure::new(Code::Input, message, "give those that it was fitted with, in their order"));
-    }
+    check_variants(contract.networks, source.variants().max(1))?;
     let stats = stats.with_features_of(contract.features);
-    let how = CorrectionSettings {
-        isa,
-        form: contract.form,
-        window_radius: contract.window_radius,
-        composition: contract.composition,
-        strength: arguments.run.strength,
-        rows: None,
-        judged_by_held_out: false,
-        keep_maps: false,
-    };
+    let how = contract.correction(isa, arguments.run.strength);
     let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
     let corrected = correct(&mut bands, engine, &how, &interrupt::asked).map_err(|error| match error {
         CorrectError::Interrupted => Failure::interrupted(),
