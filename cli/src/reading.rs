@@ -1,9 +1,11 @@
 //! From files to a frame that was looked over, whole in memory or read again band by band.
 
+use crate::failure::{Code, Failure};
 use rayon::join;
 use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::same_scene::{DifferentPlaces, SceneComparison};
 use sspc_frames::OpenFrame;
+use sspc_frames::checks::Inspection;
 use sspc_frames::error::Error;
 use sspc_image::{DenoisedVariant, Frame, FrameRows, RoleSource};
 use std::borrow::Cow;
@@ -80,6 +82,60 @@ impl FrameRows for Source {
     }
 }
 
+/// Whether a frame has as many denoised pictures of each half (`found`; 1 without variants) as a model has networks.
+///
+/// # Errors
+/// Where it has not.
+pub fn check_variants(networks: usize, found: usize) -> Result<(), Failure> {
+    if networks == found {
+        return Ok(());
+    }
+    let message = format!("the model wants {networks} denoised pictures of each half, found {found}");
+    Err(Failure::new(Code::Input, message, "give those that it was fitted with, in their order"))
+}
+
+/// A frame in memory that was looked over, wherever it came from.
+pub struct InspectedFrame {
+    /// The frame, without the places where its halves show different things.
+    pub frame: Frame,
+    /// What was decided for it.
+    pub stats: FrameStats,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+    /// Where the halves show different things: left to the denoiser.
+    pub different: Option<DifferentPlaces>,
+}
+
+impl InspectedFrame {
+    /// Looks a frame over; `verdict` says what its inspection comes to.
+    ///
+    /// # Errors
+    /// Halves that cannot be used.
+    pub fn of(
+        mut frame: Frame,
+        exposure: Exposure,
+        verdict: impl FnOnce(&Inspection) -> Result<Vec<String>, Error>,
+    ) -> Result<Self, Error> {
+        let (height, width) = (frame.height(), frame.width());
+        let (mut inspection, mut comparison) = (Inspection::new(height, width), SceneComparison::new(height, width));
+        let look = || {
+            inspection.look(&frame, 0, 0..height);
+            comparison.look(&frame);
+        };
+        let (mut stats, ()) = join(|| FrameStats::of(&frame, exposure), look);
+        let mut warnings = verdict(&inspection)?;
+        let different = comparison.finish();
+        if let Some(places) = &different {
+            places.take_out(&mut frame, 0);
+            stats = FrameStats::of(&frame, exposure);
+            warnings.push(places.warning());
+        }
+        warnings.extend(stats.found.notes());
+        warnings.extend(stats.trust().warning());
+        Ok(Self { frame, stats, warnings, different })
+    }
+}
+
 /// A frame that was looked over.
 pub struct ReadFrame {
     /// Its rows.
@@ -116,24 +172,9 @@ impl ReadFrame {
     ///
     /// # Errors
     /// Halves that cannot be used.
-    pub fn of_frame(open: &OpenFrame, mut frame: Frame, exposure: Exposure) -> Result<Self, Error> {
-        let all = 0..open.height();
-        let mut inspection = open.inspection();
-        let mut comparison = SceneComparison::new(open.height(), open.width());
-        let look = || {
-            inspection.look(&frame, 0, all);
-            comparison.look(&frame);
-        };
-        let (mut stats, ()) = join(|| FrameStats::of(&frame, exposure), look);
-        let mut warnings = open.warnings(&inspection)?;
-        let different = comparison.finish();
-        if let Some(places) = &different {
-            places.take_out(&mut frame, 0);
-            stats = FrameStats::of(&frame, exposure);
-            warnings.push(places.warning());
-        }
-        warnings.extend(stats.found.notes());
-        warnings.extend(stats.trust().warning());
+    pub fn of_frame(open: &OpenFrame, frame: Frame, exposure: Exposure) -> Result<Self, Error> {
+        let InspectedFrame { frame, stats, warnings, different } =
+            InspectedFrame::of(frame, exposure, |inspection| open.warnings(inspection))?;
         Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings, different })
     }
 

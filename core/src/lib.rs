@@ -22,6 +22,7 @@
 //! | [`estimate`] | the error, told without a reference |
 //! | [`fill`] | values of missing pixels |
 //! | [`correct`] | all of it: the one way from a frame and a network to the picture |
+//! | `unlike` | whether the model suits the frame |
 #![forbid(unsafe_code)]
 
 pub mod bands;
@@ -47,5 +48,6 @@ pub mod same_scene;
 pub mod start;
 pub mod tiles;
 pub mod trust;
+mod unlike;
 
 pub use blend_weight::LARGEST_SHARE;

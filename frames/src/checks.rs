@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Purpose};
 use crate::resolve::Resolution;
-use sspc_image::{Buffer, Frame, Image, Role};
+use sspc_image::{Buffer, Frame, Image, Role, RoleSource};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
@@ -41,7 +41,8 @@ const COLOURS: [(Role, Buffer); 5] = [
 ];
 
 impl Inspection {
-    pub(crate) fn new(height: usize, width: usize) -> Self {
+    /// An inspection of a picture of this size that has looked at nothing yet.
+    pub fn new(height: usize, width: usize) -> Self {
         Self {
             step: row_step(height, width),
             finite: Default::default(),
@@ -88,27 +89,25 @@ impl Inspection {
         }
     }
 
-    /// Warnings of a frame that was looked at from top to bottom.
-    pub(crate) fn verdict(&self, resolution: &Resolution) -> Result<Vec<String>, Error> {
-        self.check_finite(resolution)?;
-        self.check_identical(resolution)?;
-        let mut warnings = lossy_inputs(resolution);
-        warnings.extend(self.absent_roles());
+    /// Warnings of a frame that was looked at from top to bottom; `source` says where a role came from.
+    ///
+    /// # Errors
+    /// Halves that cannot be used: identical, or without any finite value.
+    pub fn verdict(&self, source: &dyn Fn(Role, Buffer) -> Option<RoleSource>) -> Result<Vec<String>, Error> {
+        self.check_finite(source)?;
+        self.check_identical(source)?;
+        let mut warnings = self.absent_roles();
         warnings.extend(self.unusable_roles());
         warnings.extend(self.correlated());
         Ok(warnings)
     }
 
-    fn check_finite(&self, resolution: &Resolution) -> Result<(), Error> {
+    fn check_finite(&self, source: &dyn Fn(Role, Buffer) -> Option<RoleSource>) -> Result<(), Error> {
         for (finite, (role, buffer)) in self.finite.iter().zip(COLOURS) {
             if let Some(c) = (0..3).find(|&c| !finite[c]) {
-                let filled = resolution.get(role, buffer);
-                let channel = filled.and_then(|filled| resolution.source(filled).channels.get(c).cloned());
-                return Err(Error::NothingFinite {
-                    path: path_of(resolution, role, buffer),
-                    purpose: Purpose::Role(role, buffer),
-                    channel: channel.unwrap_or_default(),
-                });
+                let (path, channels) = source(role, buffer).map(|s| (s.path, s.channels)).unwrap_or_default();
+                let channel = channels.get(c).cloned().unwrap_or_default();
+                return Err(Error::NothingFinite { path, purpose: Purpose::Role(role, buffer), channel });
             }
         }
         Ok(())
@@ -124,10 +123,11 @@ impl Inspection {
 
     /// Equal halves carry no information about the noise. A wholly black frame is left alone: it is equal because
     /// there is no light, and sequences fade to black.
-    fn check_identical(&self, resolution: &Resolution) -> Result<(), Error> {
+    fn check_identical(&self, source: &dyn Fn(Role, Buffer) -> Option<RoleSource>) -> Result<(), Error> {
+        let path = |role, buffer| source(role, buffer).map(|source| source.path).unwrap_or_default();
         for (at, role) in [Role::Radiance, Role::Denoised].into_iter().enumerate() {
             if self.equal[at] && !self.black[at] {
-                let (a, b) = (path_of(resolution, role, Buffer::A), path_of(resolution, role, Buffer::B));
+                let (a, b) = (path(role, Buffer::A), path(role, Buffer::B));
                 return Err(Error::IdenticalHalves { a, b, purpose: Purpose::Role(role, Buffer::B) });
             }
         }
@@ -167,12 +167,8 @@ fn values<'a>(image: &'a Image, channels: Range<usize>, rows: &Range<usize>) -> 
     channels.flat_map(move |c| image.plane(c)[part.clone()].iter().copied())
 }
 
-fn path_of(resolution: &Resolution, role: Role, buffer: Buffer) -> std::path::PathBuf {
-    let filled = resolution.get(role, buffer);
-    filled.map(|filled| resolution.files[filled.file].path.clone()).unwrap_or_default()
-}
-
-fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
+/// Roles that were stored with lossy compression.
+pub(crate) fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
     let mut warnings: Vec<String> = Vec::new();
     for filled in &resolution.filled {
         let file = &resolution.files[filled.file];

@@ -2,7 +2,7 @@
 //! the picture.
 
 use crate::align::Placing;
-use crate::checks::Inspection;
+use crate::checks::{Inspection, lossy_inputs};
 use crate::error::Error;
 use crate::files::FrameFiles;
 use crate::output::OutputPlan;
@@ -290,8 +290,11 @@ impl OpenFrame {
     /// # Errors
     /// Halves that cannot be used: identical, or without any finite value.
     pub fn warnings(&self, inspection: &Inspection) -> Result<Vec<String>, Error> {
+        let source = |role, buffer| self.resolution.get(role, buffer).map(|filled| self.resolution.source(filled));
+        let verdict = inspection.verdict(&source)?;
         let mut warnings = self.resolution.warnings.clone();
-        warnings.extend(inspection.verdict(&self.resolution)?);
+        warnings.extend(lossy_inputs(&self.resolution));
+        warnings.extend(verdict);
         Ok(warnings)
     }
 }

@@ -12,7 +12,7 @@ use sspc_frames::read::{Like, read_placed_picture};
 use sspc_frames::{read_picture, read_reference};
 use sspc_image::{Image, Reference};
 use sspc_metrics::relative::rel_l2_map;
-use sspc_metrics::{Figures, Measured, figures, rel_l2_gain};
+use sspc_metrics::{Comparison, Figures, figures};
 use std::path::PathBuf;
 
 /// What `evaluate` is told.
@@ -83,7 +83,7 @@ pub struct DenoisedEvaluation {
     pub figures: Figures,
     /// relL2 of the picture over the denoiser's; `null` in JSON where the denoiser's is not above 0.
     pub rel_l2_ratio: f64,
-    /// 1 - [`rel_l2_gain`] / the denoiser's relL2: the same ratio without what noise of the reference does to relL2;
+    /// 1 - [`sspc_metrics::rel_l2_gain`] / the denoiser's relL2: the same ratio without what noise of the reference does to relL2;
     /// `null` in JSON where the reference has no halves.
     pub crossed_ratio: f64,
     /// Its standard error over pixels taken as independent.
@@ -153,16 +153,13 @@ pub(crate) fn evaluate(
     }
     interrupt::check()?;
     let denoised = denoised.zip(arguments.denoised.clone()).map(|(image, path)| {
-        let figures = figures(image, reference, exposure);
-        let none = Measured { value: f64::NAN, standard_error: f64::NAN, pixels: 0, excluded: 0 };
-        let gain = rel_l2_gain(picture, image, reference).unwrap_or(none);
-        let ratio = |own: f64, other: f64| if other > 0.0 { own / other } else { f64::NAN };
+        let beside = Comparison::of(picture, &own, image, reference, exposure);
         DenoisedEvaluation {
             picture: path,
-            figures,
-            rel_l2_ratio: ratio(own.rel_l2, figures.rel_l2),
-            crossed_ratio: 1.0 - ratio(gain.value, figures.rel_l2),
-            crossed_ratio_standard_error: ratio(gain.standard_error, figures.rel_l2),
+            figures: beside.figures,
+            rel_l2_ratio: beside.rel_l2_ratio,
+            crossed_ratio: beside.crossed_ratio,
+            crossed_ratio_standard_error: beside.crossed_ratio_standard_error,
         }
     });
     Ok(Evaluation {

@@ -1,11 +1,12 @@
 //! Errors of a picture against a reference: relL2, SMAPE, PSNR, SSIM, ꟻLIP; and of the change between two frames.
 //!
 //! [`relative`] works on radiance; [`displayed`] and [`flip`] on what a viewer sees, through
-//! [`sspc_image::display`]; [`summary`] is all of them at once. All sums are f64 in a fixed order, so that
+//! [`sspc_image::display`]; [`summary`] is all of them at once, [`comparison`] those of two pictures. All sums are f64 in a fixed order, so that
 //! results do not depend on the number of threads; non-finite pixels are left out and counted.
 
 #![forbid(unsafe_code)]
 
+pub mod comparison;
 pub mod displayed;
 pub mod filter;
 pub mod flip;
@@ -13,6 +14,7 @@ pub mod relative;
 pub mod summary;
 pub mod temporal;
 
+pub use comparison::Comparison;
 pub use relative::{Measured, brightness, rel_l2, rel_l2_gain, smape};
 pub use summary::{Figures, figures};
 pub use temporal::temporal_error;

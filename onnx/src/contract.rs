@@ -1,11 +1,13 @@
 //! What every model file states: form, sizes, conventions and origin.
 
 use sspc_core::composition::Composition;
+use sspc_core::correct::CorrectionSettings;
 use sspc_core::prepare::Exposure;
 use sspc_kernels::features::{FeatureSet, MAX_RADIUS};
 use sspc_kernels::gc::PAPER_RADIUS;
 use sspc_kernels::network::{MAX_CHANNELS, Shape};
 use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
 use std::collections::BTreeMap;
 
 /// The version of this contract. It is raised by any change that would make an older reader compute another picture:
@@ -129,6 +131,20 @@ impl Contract {
             (0, 1) => CONTRACT_VERSION,
             (0, _) => SEVERAL_NETWORKS_VERSION,
             _ => SHOT_VERSION,
+        }
+    }
+
+    /// How a frame is corrected with a model of this contract, `strength` 0..1 of its correction.
+    pub fn correction(&self, isa: Isa, strength: f32) -> CorrectionSettings {
+        CorrectionSettings {
+            isa,
+            form: self.form,
+            window_radius: self.window_radius,
+            composition: self.composition,
+            strength,
+            rows: None,
+            judged_by_held_out: false,
+            keep_maps: false,
         }
     }
 }

@@ -12,6 +12,7 @@ use crate::report::{FitReport, FitSeconds, RelL2};
 use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
+use sspc_cli::reading::check_variants;
 use sspc_cli::record::peak_rss_bytes;
 use sspc_cli::shot::Shot;
 use sspc_cli::shot::settings::{MotionSearch, ShotSettings};
@@ -153,7 +154,10 @@ fn shot<'a>(
 }
 
 /// The networks to start from: as many as every frame has variants of z.
-fn initial_networks(
+///
+/// # Errors
+/// Frames, or frame and model, that differ in their number.
+pub fn initial_networks(
     warm: Option<Vec<Network>>,
     settings: &Settings,
     prepared: &[Prepared],
@@ -165,11 +169,7 @@ fn initial_networks(
     }
     match warm {
         None => Ok(starting_networks(settings, count)),
-        Some(networks) if networks.len() == count => Ok(networks),
-        Some(networks) => {
-            let message = format!("the model wants {} denoised pictures of each half, found {count}", networks.len());
-            Err(Failure::new(Code::Input, message, "give those that it was fitted with, in their order"))
-        }
+        Some(networks) => check_variants(networks.len(), count).map(|()| networks),
     }
 }
 

@@ -156,9 +156,10 @@ pub fn read(
     Ok((input, prepared))
 }
 
-/// A frame in the method's units, with the features and the skips that the settings allow. Features
-/// kept without need stay zeros, so that the picture is the same.
-fn prepare(frame: Frame, stats: &FrameStats, settings: &Settings) -> (Prepared, Image) {
+/// A frame in the method's units, with the features and the skips that the settings allow; and the picture `[3, H, W]`
+/// that its correction is added to, in the frame's own. Features kept without need stay zeros, so that the picture is
+/// the same.
+pub fn prepare(frame: Frame, stats: &FrameStats, settings: &Settings) -> (Prepared, Image) {
     let (mut prepared, denoised) = Prepared::of_owned(frame, stats);
     if !settings.composition.skips_still_blocks() || !settings.skip.blocks {
         prepared = prepared.without_skips(stats);

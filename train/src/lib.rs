@@ -14,7 +14,7 @@
 //! | [`divergence_guard`] | keeps the weights finite |
 //! | [`outcome`] | the corrected frame |
 //! | [`report`] | what is told of it |
-//! | [`write`](mod@write), [`page`], [`output_folder`] | what a fit leaves behind |
+//! | [`fitted_model`], [`write`](mod@write), [`page`], [`output_folder`] | what a fit leaves behind |
 //! | [`fit_command`], [`export`], [`progress`] | the commands |
 #![forbid(unsafe_code)]
 
@@ -26,6 +26,7 @@ pub mod export;
 pub mod fit;
 pub mod fit_command;
 pub mod fits;
+pub mod fitted_model;
 mod importance;
 pub mod inputs;
 pub mod model;

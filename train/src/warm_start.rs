@@ -12,14 +12,18 @@ use std::path::Path;
 /// # Errors
 /// When the file is no model.
 pub fn load(path: &Path, settings: &mut Settings) -> Result<Vec<Network>, Failure> {
-    let model = read_model(path)?;
+    Ok(begin(&read_model(path)?, settings))
+}
+
+/// The same of a model in memory.
+pub fn begin(model: &Model, settings: &mut Settings) -> Vec<Network> {
     settings.form = model.contract.form;
     settings.shape = model.contract.shape;
     settings.radius = model.contract.window_radius;
     settings.exposure = model.contract.exposure;
     settings.composition = model.contract.composition;
     settings.features = model.contract.features;
-    Ok(model.networks())
+    model.networks()
 }
 
 /// A fitted model.

@@ -2,6 +2,7 @@
 
 use crate::cli::FitArgs;
 use crate::fits::Fits;
+use crate::fitted_model::fitted_model;
 use crate::inputs::Input;
 use crate::outcome::Outcome;
 use crate::output_folder::OutputFolder;
@@ -18,7 +19,7 @@ use sspc_frames::{OutputPlan, RoleOverrides};
 use sspc_image::Image;
 use sspc_kernels::features::FeatureSet;
 use sspc_metrics::relative::rel_l2_map;
-use sspc_onnx::{Contract, Model, write_network};
+use sspc_onnx::{Model, write_network};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -146,33 +147,21 @@ pub fn write_outputs(
 }
 
 /// The fitted networks with their contract.
-fn model(&Written { args, shot, settings, inputs, fitted, .. }: &Written) -> Result<Model, Failure> {
-    let mut contract = Contract::new(settings.form);
-    contract.shape = settings.shape;
-    contract.window_radius = settings.radius;
-    contract.exposure = settings.exposure;
-    contract.composition = settings.composition;
-    contract.features = inputs.iter().fold(FeatureSet::NONE, |all, input| all.union(input.features));
-    contract.seed = args.seed;
-    contract.frames = inputs.iter().map(|i| i.name.clone()).collect();
-    contract.tool = concat!("sspc-train ", env!("CARGO_PKG_VERSION")).into();
-    contract.preset = args.preset.to_string();
-    contract.steps = fitted.history.len() as u64;
-    if !settings.changes.is_empty() {
-        contract.extra.insert("settings_changed".into(), settings.changes.join(" "));
-    }
+fn model(&Written { shot, settings, inputs, fitted, .. }: &Written) -> Result<Model, Failure> {
+    let features = inputs.iter().fold(FeatureSet::NONE, |all, input| all.union(input.features));
+    let frames = inputs.iter().map(|i| i.name.clone()).collect();
+    let mut model =
+        fitted_model(settings, fitted, features, frames, concat!("sspc-train ", env!("CARGO_PKG_VERSION")))?;
     if let Some(made) = &inputs[0].denoiser {
-        contract.extra.insert(KeptModes::KEY.into(), made.kept().to_string());
+        model.contract.extra.insert(KeptModes::KEY.into(), made.kept().to_string());
     }
     // Without any neighbour the network has seen nothing but z.
     let has_neighbours = inputs.iter().flat_map(|input| &input.neighbours).any(|found| found.left_out.is_none());
     if let Some(shot) = shot.filter(|_| has_neighbours) {
-        contract.extra_frames = shot.extra_frames;
-        contract.extra.extend(shot.to_model());
+        model.contract.extra_frames = shot.extra_frames;
+        model.contract.extra.extend(shot.to_model());
     }
-    contract.networks = fitted.networks.len();
-    let weights = fitted.networks.iter().flat_map(|network| network.weights.iter().copied()).collect();
-    Model::new(contract, weights).map_err(|error| Failure::new(Code::Run, error.to_string(), ""))
+    Ok(model)
 }
 
 /// How the picture was made, for its attributes.

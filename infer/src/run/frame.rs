@@ -6,7 +6,7 @@ use super::page::PageOfRun;
 use super::report::{FrameReport, FrameSeconds, RelL2};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
-use sspc_cli::reading::ReadFrame;
+use sspc_cli::reading::{ReadFrame, check_variants};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_cli::shot::{Residence, ShotFrame};
 use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
@@ -114,22 +114,10 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
 
     let beside = shows.then(|| Beside::read(&frame.source, frame.different.as_ref(), reference)).transpose()?;
     let ReadFrame { source, stats, roles, warnings, .. } = frame;
-    let found = source.variants().max(1);
-    if found != contract.networks {
-        let message = format!("the model wants {} denoised pictures of each half, found {found}", contract.networks);
-        return Err(Failure::new(Code::Input, message, "give those that it was fitted with, in their order"));
-    }
+    check_variants(contract.networks, source.variants().max(1))?;
     let stats = stats.with_features_of(contract.features);
-    let how = CorrectionSettings {
-        isa,
-        form: contract.form,
-        window_radius: contract.window_radius,
-        composition: contract.composition,
-        strength: arguments.run.strength,
-        rows: None,
-        judged_by_held_out: false,
-        keep_maps: arguments.report,
-    };
+    let how = contract.correction(isa, arguments.run.strength);
+    let how = CorrectionSettings { keep_maps: arguments.report, ..how };
     let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
     let corrected = correct(&mut bands, engine, &how, &interrupt::asked).map_err(|error| match error {
         CorrectError::Interrupted => Failure::interrupted(),

@@ -178,7 +178,7 @@ impl FrameReport {
             estimate: verdict.estimate,
             model_loss: verdict.model_loss,
             fallback: verdict.fallback.clone(),
-            unlike: unlike(corrected, contract.composition),
+            unlike: corrected.unlike(contract.composition),
             strength: shared.arguments.run.strength,
             mean_share: corrected.mean_share,
             active_share: corrected.active_share,
@@ -194,26 +194,4 @@ impl FrameReport {
             neighbours: Vec::new(),
         }
     }
-}
-
-/// In words that the model does not suit the frame: by the self-supervised loss its correction as it is comes out worse
-/// than the denoiser, as that of a model fitted to other scenes or noise would.
-fn unlike(corrected: &Corrected, composition: Composition) -> Option<String> {
-    let (model, denoiser) = (corrected.verdict.model_loss, corrected.verdict.loss.denoised);
-    // A loss that is not a number is no better.
-    if model <= denoiser {
-        return None;
-    }
-    let outcome = match (&corrected.verdict.fallback, composition) {
-        (Some(_), _) => "nothing of its correction was used".to_string(),
-        (None, Composition::JudgedFullBuffer) => {
-            format!("{:.0} % of its correction was used, where it helps", 100.0 * corrected.mean_share)
-        }
-        (None, Composition::MeanOfHalves) => {
-            "the picture is as the model makes it, since it asks for no judgement".to_string()
-        }
-    };
-    Some(format!(
-        "the frame is unlike those that the model was fitted on: its loss is {model:.4}, the denoiser's {denoiser:.4}; {outcome}"
-    ))
 }
