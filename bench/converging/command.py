@@ -30,6 +30,8 @@ def main(arguments=None):
     parser = command_line()
     options = parser.parse_args(arguments)
     check(options)
+    from scenes.worker import Failed as RendererFailed
+
     from . import frames
 
     train = common.program(options, "sspc-train")
@@ -46,7 +48,7 @@ def main(arguments=None):
     except KeyboardInterrupt:
         say("interrupted: rendered files are kept")
         return 130
-    except Failed as why:
+    except (Failed, RendererFailed) as why:
         print(f"bench: {why}", file=sys.stderr)
         return 1
     about["load_average_after"] = machine.load()
