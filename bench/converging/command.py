@@ -17,7 +17,7 @@ DESCRIPTION = f"""\
 The paper's figures, measured: renders a scene of scenes/ at rising sample counts, denoises it with OIDN (with features
 and without), corrects every frame and writes a dated record (Markdown, JSON, figures as SVG and PNG):
  1. relL2 against samples per pixel, noisy, and each denoiser with and without correction;
- 2. relL2 against training steps for g_c and f_c with the same network, start and loss (--set changes them);
+ 2. relL2 against training steps for g_c and f_c with the paper's network, start and loss (--steps-preset, --set);
  3. equal time: render + denoise against fewer samples + denoise + correct, in processor seconds.
 Needs matplotlib, and what scenes/ needs (scenes/README.md), in the interpreter that runs it; programs first:
 `{common.BUILD}`.
@@ -30,6 +30,8 @@ def main(arguments=None):
     parser = command_line()
     options = parser.parse_args(arguments)
     check(options)
+    from scenes.worker import Failed as RendererFailed
+
     from . import frames
 
     train = common.program(options, "sspc-train")
@@ -46,7 +48,7 @@ def main(arguments=None):
     except KeyboardInterrupt:
         say("interrupted: rendered files are kept")
         return 130
-    except Failed as why:
+    except (Failed, RendererFailed) as why:
         print(f"bench: {why}", file=sys.stderr)
         return 1
     about["load_average_after"] = machine.load()
@@ -118,14 +120,8 @@ def command_line():
         "--denoisers", type=words, default="oidn,oidn-colour", metavar="A,B", help="oidn, oidn-colour (default both)"
     )
     option("--preset", default="balanced", help="preset of every fit (default balanced)")
-    option(
-        "--steps",
-        type=common.numbers,
-        default="30,100,300,1000,3000",
-        metavar="30,100",
-        help="steps of the step figure",
-    )
-    option("--steps-preset", metavar="PRESET", help="preset of the step figure (default: that of --preset)")
+    option("--steps", type=common.numbers, default="10,30,100,300", metavar="30,100", help="steps of the step figure")
+    option("--steps-preset", default="paper", metavar="PRESET", help="preset of the step figure (default paper)")
     option("--steps-spp", type=common.positive, default=32, metavar="N", help="samples of the step figure (default 32)")
     option(
         "--set",
@@ -146,7 +142,6 @@ def check(options, needed=NEEDED):
     missing = [name for name in needed if importlib.util.find_spec(name) is None]
     if missing:
         common.fail(f"{', '.join(missing)} cannot be imported; install scenes/requirements.txt and matplotlib")
-    options.steps_preset = options.steps_preset or options.preset
     options.scene = options.scene or ["glass-table"]
     for scene in options.scene:
         if scene not in SCENES or SCENES[scene].renderer != "mitsuba":

@@ -13,8 +13,8 @@ use sspc_frames::preview::Rgb8;
 
 /// Qualities of JPEG that are tried, best first, of smooth pictures and of noisy ones: colour at full resolution, then
 /// (below [`FULL_COLOUR`]) at half.
-const QUALITIES: [[u8; 2]; 9] =
-    [[98, 98], [96, 94], [95, 90], [94, 84], [93, 78], [92, 68], [90, 58], [86, 50], [78, 40]];
+const QUALITIES: [[u8; 2]; 10] =
+    [[98, 98], [96, 94], [95, 90], [94, 84], [93, 78], [92, 68], [90, 58], [87, 50], [84, 44], [78, 38]];
 /// Lowest quality with colour at full resolution.
 const FULL_COLOUR: u8 = 84;
 /// PNG of a render takes more bytes per pixel than this: where there are fewer it is not tried.
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn the_smallest_picture_ends_the_search() {
         let encoded = encode(&[noise(40, 40)], 1).expect("encoded");
-        assert!(encoded.how.starts_with("JPEG of quality 78, noisy picture and maps 40"), "{}", encoded.how);
+        assert!(encoded.how.starts_with("JPEG of quality 78, noisy picture and maps 38"), "{}", encoded.how);
     }
 
     #[test]

@@ -80,7 +80,7 @@ function figurePanels(report) {
 
 function tablePanels(report) {
   const panels = [];
-  const summary = [["mean share of the correction that was used", report.mean_share], ["strength asked for", report.strength]];
+  const summary = [["mean share used", report.mean_share], ["strength asked for", report.strength]];
   for (const key of ["active_share", "model_loss", "steps", "planned_steps", "steps_dropped", "end", "milliseconds_per_step", "preset", "seed", "backend"]) {
     if (report[key] !== undefined) summary.push([key.replaceAll("_", " "), report[key]]);
   }
