@@ -17,7 +17,10 @@ fn texture(dx: f32, dy: f32) -> Image {
 
 fn wave(c: usize, x: f32, y: f32) -> f32 {
     let c = c as f32;
-    0.5 + 0.2 * (0.31 * x + 0.17 * y + c).sin() + 0.15 * (0.23 * y - 0.11 * x + 2.0 * c).cos() + 0.1 * (0.7 * x).sin()
+    0.8 + 0.3 * (0.045 * x - 0.06 * y).sin()
+        + 0.2 * (0.31 * x + 0.17 * y + c).sin()
+        + 0.15 * (0.23 * y - 0.11 * x + 2.0 * c).cos()
+        + 0.1 * (0.7 * x).sin()
 }
 
 /// Motion that grows from left to right, so that no constant explains it, pixels: (to the right, down).

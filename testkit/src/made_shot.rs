@@ -36,8 +36,11 @@ impl MadeFrame {
         let (dx, dy) = (MOVED.0 * self.number as f32, MOVED.1 * self.number as f32);
         Image::from_fn(3, height, width, |c, y, x| {
             let (x, y, c) = (x as f32 - dx, y as f32 - dy, c as f32);
+            let slow = 0.3 * (0.045 * x - 0.06 * y).sin();
             match self.is_other_scene {
-                false => 0.5 + 0.25 * (0.31 * x + 0.17 * y + c).sin() + 0.15 * (0.23 * y - 0.11 * x + 2.0 * c).cos(),
+                false => {
+                    0.7 + slow + 0.25 * (0.31 * x + 0.17 * y + c).sin() + 0.15 * (0.23 * y - 0.11 * x + 2.0 * c).cos()
+                }
                 true => 0.5 + 0.4 * (0.9 * y + 0.05 * x * y + c).sin(),
             }
         })

@@ -10,7 +10,7 @@ pub const PATCH: usize = 8;
 /// Pixels of the patch before the block.
 pub const BEFORE: isize = ((PATCH - BLOCK) / 2) as isize;
 /// How far the coarsest level is searched, pixels.
-const COARSEST_REACH: isize = 4;
+const COARSEST_REACH: isize = 6;
 /// What a pixel of distance from the coarser level's displacement costs, for each value of a patch: less than noise, more
 /// than nothing where a surface has no texture.
 const SMOOTHNESS: f32 = 2e-3;

@@ -5,7 +5,7 @@ use sspc_image::Image;
 /// Pixels around a level's picture, which repeat its edge.
 pub const BORDER: usize = 24;
 /// A picture whose smaller side is less than twice this is not halved any more.
-const SMALLEST: usize = 12;
+const SMALLEST: usize = 24;
 
 /// One size of the pictures that are matched.
 pub struct Level {
