@@ -43,7 +43,7 @@ impl Arrays {
     pub fn inspect(self, exposure: Exposure) -> Result<InspectedFrame, Stop> {
         let source = |role: Role, buffer: Buffer| {
             let channels = ["R", "G", "B"].map(String::from).to_vec();
-            Some(RoleSource { role, buffer, path: argument(role, buffer).into(), channels })
+            Some(RoleSource { role, buffer, path: argument(role, buffer).into(), channels, variant: 0 })
         };
         let (frame, mut notes) = self.frame();
         let inspected = InspectedFrame::of(frame, exposure, |inspection| inspection.verdict(&source))?;
