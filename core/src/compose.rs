@@ -161,7 +161,7 @@ impl Composer<'_> {
     ) -> Result<Corrections, S::Error> {
         let prepared = &*prepared.of_variant(k);
         let height = prepared.height();
-        let finished = prepared.plan.within_rows(rows.clone());
+        let finished = prepared.plan.within_rows(self.limited_rows(rows, height));
         let mut halves = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
         let mut full = (self.composition == Composition::JudgedFullBuffer).then(|| prepared.denoised.clone());
         let step = self.rows_at_once(prepared.width(), source.tile());
@@ -186,6 +186,16 @@ impl Composer<'_> {
         }
         let picture = full.unwrap_or_else(|| Image::mean_of(&halves[0], &halves[1]));
         Ok(Corrections { halves, picture })
+    }
+
+    /// The rows of the picture that `rows` of it depend on.
+    fn limited_rows(&self, rows: &Range<usize>, height: usize) -> Range<usize> {
+        match self.composition {
+            Composition::MeanOfHalves => rows.clone(),
+            Composition::JudgedFullBuffer => {
+                rows.start.saturating_sub(LIMIT_RADIUS)..(rows.end + LIMIT_RADIUS).min(height)
+            }
+        }
     }
 
     /// The rows whose corrected halves `rows` of a picture of `height` rows depend on.

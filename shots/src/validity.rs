@@ -1,6 +1,8 @@
 //! How far a pixel of the neighbour shows the same thing, by features.
 //!
-//!     v_c = inside · exp( -0.3 (8 ‖ρ_c - Wρ‖² + 2 ‖n_c - Wn‖²) )
+//! ```text
+//! v_c = inside · exp( -0.3 (8 ‖ρ_c - Wρ‖² + 2 ‖n_c - Wn‖²) )
+//! ```
 //!
 //! Weak on purpose, and never by z: the mean's noise is lower wherever something is averaged, and the correction takes its
 //! bias away. A guard by z would take the denoiser's flicker for change (measured: .76 instead of .67 of the denoiser's
