@@ -55,8 +55,8 @@ pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>
             total: start.elapsed().as_secs_f64(),
         };
         let rel_l2 = beside.as_ref().and_then(|beside| beside.rel_l2(&corrected.picture));
-        let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, rel_l2, seconds);
-        let report = FrameReport { denoiser, neighbours, ..report };
+        let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
+        let report = FrameReport { denoiser, neighbours, rel_l2, ..report };
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;

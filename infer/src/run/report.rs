@@ -146,7 +146,6 @@ impl FrameReport {
         roles: &[RoleSource],
         warnings: Vec<String>,
         corrected: &Corrected,
-        rel_l2: Option<RelL2>,
         seconds: FrameSeconds,
     ) -> Self {
         let contract = &shared.engine.model().contract;
@@ -173,7 +172,7 @@ impl FrameReport {
             features: stats.set,
             found: stats.found,
             independence: stats.independence,
-            rel_l2,
+            rel_l2: None,
             loss: verdict.loss,
             estimate: verdict.estimate,
             model_loss: verdict.model_loss,

@@ -1,7 +1,7 @@
 //! Motion estimated from pictures of one half, where the renderer gives none.
 //!
 //! Albedo, normal and the logarithm of z's brightness of the frame are matched with those of the neighbour, coarse to fine:
-//! blocks by the sum of absolute differences ([`blocks`]), the finest to parts of a pixel by Gauss-Newton steps (Lucas and
+//! blocks by the sum of absolute differences (`blocks`), the finest to parts of a pixel by Gauss-Newton steps (Lucas and
 //! Kanade 1981, in the inverse form of Baker and Matthews 2004), and every pixel takes the mean of the blocks around it,
 //! weighted by how well each fits there (Kroeger et al. 2016). Nothing but the half's own pictures is looked at, so the
 //! field is independent of the other half's noise.

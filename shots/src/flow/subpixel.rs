@@ -76,7 +76,7 @@ fn residuals(own: &Level, other: &Level, (y, x): (isize, isize), (dx, dy): (f32,
     let (fx, fy) = (dx - left, dy - top);
     let (column, row) = (x + left as isize, y + top as isize);
     let border = BORDER as isize;
-    let fits = |at: isize, size: usize| at >= -border && at + PATCH as isize + 1 <= size as isize + border;
+    let fits = |at: isize, size: usize| at >= -border && at + (PATCH as isize) < size as isize + border;
     if !(fits(column, own.width()) && fits(row, own.height())) {
         return None;
     }
