@@ -19,9 +19,9 @@ use sspc_kernels::features::DENOISED;
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub(crate) const WEIGHT_RADIUS: usize = 15;
 
-/// Largest share of a correction. Above 1, since a correction that was trained on half the samples is too timid for the
-/// full buffer's.
-pub const LARGEST_SHARE: f32 = 1.3;
+/// Largest share of a correction. With 1.3 the error falls by half a hundredth, and pixels turn black or coloured where y
+/// of both halves lies far from z: they are carried beyond y.
+pub const LARGEST_SHARE: f32 = 1.0;
 
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
 #[derive(Clone)]
@@ -105,9 +105,7 @@ mod tests {
     fn the_share_is_what_of_a_correction_leads_to_the_truth() {
         let prepared = without_noise(4, 6);
         // How far the correction goes, the truth at 1, and the share that is best.
-        for (far, best) in
-            [(1.0, 1.0), (2.0, 0.5), (4.0, 0.25), (0.5, LARGEST_SHARE), (0.8, 1.25), (-1.0, 0.0), (0.0, 0.0)]
-        {
+        for (far, best) in [(1.0, 1.0), (2.0, 0.5), (4.0, 0.25), (0.5, LARGEST_SHARE), (-1.0, 0.0), (0.0, 0.0)] {
             let corrected = || Image::filled(3, 4, 6, Z + far * (TRUTH - Z));
             let share = Evidence::of(&prepared, &[corrected(), corrected()]).share();
             assert!(share.data().iter().all(|s| (s - best).abs() < 1e-6), "{far}: {:?}", share.data());

@@ -35,7 +35,7 @@ const PARAMETER_BYTES: usize = 16 << 20;
 pub struct Band {
     /// Share times correction of the band's rows, in the method's units, `[3, rows, W]`.
     pub correction: Image,
-    /// Share of the correction that was used, strength included, 0..1.3, `[1, rows, W]`.
+    /// Share of the correction that was used, strength included, 0..1, `[1, rows, W]`.
     pub share: Image,
     /// Mean of both halves, corrected as far as they judge each other, in the method's units, `[3, rows, W]`: the
     /// picture that the estimate is of.

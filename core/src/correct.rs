@@ -154,7 +154,7 @@ pub struct Corrected {
     pub maps: Option<Maps>,
     /// The judgement of the whole.
     pub verdict: Verdict,
-    /// Mean share of the correction that was used, strength included, 0..1.3.
+    /// Mean share of the correction that was used, strength included, 0..1.
     pub mean_share: f64,
     /// Share of the pixels that were computed at all, 0..1.
     pub active_share: f64,
@@ -165,7 +165,7 @@ pub struct Corrected {
 /// Pictures beside the corrected one.
 #[derive(Clone, Debug)]
 pub struct Maps {
-    /// Share of the correction that was used, strength included, 0..1.3, `[1, H, W]`.
+    /// Share of the correction that was used, strength included, 0..1, `[1, H, W]`.
     pub share: Image,
     /// Mean of both halves, corrected as far as they judge each other, in the frame's own units, `[3, H, W]`: the picture
     /// that the estimate is of, unless the whole picture falls back.

@@ -18,9 +18,9 @@ pub struct Outcome {
     pub corrected: Image,
     /// The judgement of the whole.
     pub verdict: Verdict,
-    /// Mean share of the correction that was used, as weights and strength have it, 0..1.3.
+    /// Mean share of the correction that was used, as weights and strength have it, 0..1.
     pub mean_share: f64,
-    /// Share of the correction that was used, 0..1.3, `[1, H, W]`, where it was asked for.
+    /// Share of the correction that was used, 0..1, `[1, H, W]`, where it was asked for.
     pub share: Option<Image>,
     /// Against the reference, where there is one.
     pub rel_l2: Option<RelL2>,

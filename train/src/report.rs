@@ -185,7 +185,7 @@ pub struct FitReport {
     /// Why the output is the denoiser's, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fallback: Option<String>,
-    /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.3.
+    /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.
     pub mean_share: f64,
     /// Where the time went.
     pub seconds: FitSeconds,

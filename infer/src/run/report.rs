@@ -108,7 +108,7 @@ pub struct FrameReport {
     pub unlike: Option<String>,
     /// Share of the judged correction that was asked for, 0..1.
     pub strength: f32,
-    /// Mean share of the correction that was used, as the judge and strength have it, 0..1.3.
+    /// Mean share of the correction that was used, as the judge and strength have it, 0..1.
     pub mean_share: f64,
     /// Share of the pixels that were computed; the others show no noise.
     pub active_share: f64,
