@@ -1,7 +1,7 @@
 //! The model whose graphs are imported.
 
-use sspc_core::parameters::Form;
 use sspc_core::rng::Rng;
+use sspc_kernels::parameters::Form;
 use sspc_onnx::{Contract, Model};
 
 /// Weights and biases that were drawn, not fitted: in Burn's arithmetic and in ours they must mean the same.

@@ -6,13 +6,16 @@ mod model;
 use burn::tensor::{Device, Tensor, TensorData};
 use sspc_burn_import::{image, network};
 use sspc_core::corrector;
-use sspc_core::features::{FEATURE_CHANNELS, FeatureSet, Windows};
-use sspc_core::gc::Taps;
-use sspc_core::image::Image;
-use sspc_core::parameters::Form;
 use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
-use sspc_core::simd::Isa;
+use sspc_core::tiles;
+use sspc_image::Image;
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::gc::Taps;
+use sspc_kernels::network::WindowNetwork;
+use sspc_kernels::parameters::Form;
+use sspc_kernels::simd::Isa;
+use sspc_kernels::windows::Windows;
 
 /// Nine layers of f32 sums in another order, then activations.
 const NETWORK_TOLERANCE: f32 = 1e-4;
@@ -30,12 +33,14 @@ fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
 }
 
 fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().to_vec().expect("f32")
+    tensor.into_data().try_to_vec::<f32>().expect("f32")
 }
 
 fn our_parameters(features: &Image) -> Image {
     let everything = Plan::everything(features.height(), features.width());
-    corrector::parameters(Isa::best(), Form::Gated, &model::model().networks()[0], features, &everything)
+    let network = WindowNetwork::new(Isa::best(), Form::Gated, &model::model().networks()[0]);
+    let Ok(parameters) = tiles::parameters(&network, 0, features, &everything, 0..features.height());
+    parameters
 }
 
 /// Every value, relative to the largest of its plane.
