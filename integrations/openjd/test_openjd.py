@@ -66,8 +66,7 @@ class Template(unittest.TestCase):
         # The task of the bad frame has done its other frame; the session ends there.
         self.assertEqual(sorted(self.pictures()), [f"corrected.{frame:04}.exr" for frame in (1, 2, 4)])
 
-        # What a farm does with tasks that failed or did not run; and with the task of frame 2, which was corrected without
-        # its neighbour.
+        # What a farm does with tasks that failed or did not run; and with that of frame 2, which had no neighbour.
         bad.write_bytes(good)
         code, said = self.run_job("Correct", "--tasks", '[{"Frames": "1-2"}, {"Frames": "3-4"}, {"Frames": "5"}]')
         self.assertEqual(code, 0, said)
