@@ -99,7 +99,7 @@ impl Composer<'_> {
             }
         };
         if self.composition == Composition::JudgedFullBuffer {
-            limit_outliers(prepared, &halves, &share, &mut picture);
+            limit_outliers(prepared, &halves, &mut share, &mut picture);
         }
         share = self.weaken(share);
         // The results take the place of what they are made of.

@@ -183,7 +183,7 @@ impl Collector {
         let (means, noisy_pixels) =
             (Vec::with_capacity(room_for(Exposure::Normalised)), Vec::with_capacity(room_for(Exposure::OfNoise)));
         let found = Findings { unusable, ..Findings::default() };
-        let (features, independence) = (Default::default(), IndependenceCollector::new());
+        let (features, independence) = (Default::default(), IndependenceCollector::new(pixels));
         Self { exposure, means, noisy_pixels, features, noisy: false, found, independence }
     }
 

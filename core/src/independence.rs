@@ -1,18 +1,17 @@
 //! Whether the noise of the halves is independent, as everything that a frame says of its own error takes for granted.
 //!
 //! With r = y - z of a half's own z, the correlation of r^a and r^b over a block of [`BLOCK`] x [`BLOCK`] pixels is that
-//! of the noise, and more where the denoiser blurred texture that both halves share: that only adds to it, block by
-//! block. So the frame's correlation is read off the **lower quartile over its blocks**. Injected correlations from -0.9
-//! to 0.95 come back within 0.05 on nine frames of three renderers; independent halves of 38 frames give -0.04 to 0.05,
-//! whatever the denoiser. Only frames that are fine leaves all over gave more, 0.24 at 16 samples a pixel and 0.53 at 64.
-//! But noise that is shared is shared everywhere, while texture differs from block to block: where the **lowest
-//! twentieth** lies far below the quartile, it is texture, and the correlation can't be larger than that twentieth and
-//! what chance takes off it.
+//! of the noise, and more where the denoiser blurred texture that both halves share. `shared_noise` tells them apart and
+//! gives the frame's correlation. Texture of all frequencies that no feature shows is left, as of fine leaves. But noise
+//! that is shared is shared everywhere: where the **lowest twentieth** of the blocks lies far below their **lower
+//! quartile**, such texture is at work, and the correlation can't be larger than that twentieth and what chance takes
+//! off it.
 //!
 //! The other measures tell halves that are not of one picture: brightness of the denoised halves, energy of the
 //! residuals, and whether albedo and normal have their edges in the same places.
 
 use crate::estimate::BLOCK;
+use crate::shared_noise::{BlockSample, SharedNoise};
 use rayon::prelude::*;
 use serde::Serialize;
 use sspc_image::{Frame, Image};
@@ -22,7 +21,7 @@ use std::fmt;
 pub const FEWEST_BLOCKS: usize = 40;
 /// Cells of [`Independence::map`] a side.
 pub const MAP_SIDE: usize = 8;
-/// Rank of the block that the correlation is read off.
+/// Rank of the block that texture, and a correlation that cannot be told from it, are seen by.
 const QUARTILE: f64 = 0.25;
 /// Rank of the block that bounds the correlation from above.
 const TWENTIETH: f64 = 0.05;
@@ -40,12 +39,11 @@ const ROWS_PER_JOB: usize = 8;
 /// What a frame's halves say of each other.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Independence {
-    /// Correlation of the halves' noise, -1..1: the lower quartile over blocks, and no more than the lowest twentieth
-    /// allows. None when too few blocks have noise.
+    /// Correlation of the halves' noise, -1..1, apart from shared texture. None when too few blocks have noise.
     pub correlation: Option<f64>,
-    /// Standard error of the quartile, by the spread of blocks around it.
+    /// Its standard error, by the spread of blocks.
     pub standard_error: f64,
-    /// Whether texture that the denoiser blurred adds to it, so that the noise may be less correlated or not at all.
+    /// Whether texture that the denoiser blurred is at work, so that the noise may be less correlated or not at all.
     pub textured: bool,
     /// Median over blocks: shared texture included.
     pub median: f64,
@@ -125,12 +123,13 @@ pub struct IndependenceCollector {
     rows: usize,
     columns: usize,
     blocks: Vec<BlockSums>,
+    sample: BlockSample,
 }
 
 impl IndependenceCollector {
-    /// One that has looked at nothing.
-    pub fn new() -> Self {
-        Self { rows: 0, columns: 0, blocks: Vec::new() }
+    /// One that has looked at nothing of a picture of that many pixels.
+    pub fn new(pixels: usize) -> Self {
+        Self { rows: 0, columns: 0, blocks: Vec::new(), sample: BlockSample::new(pixels) }
     }
 
     /// Looks at the next rows; `valid` `[1, H, W]` is 0 at missing pixels.
@@ -145,6 +144,7 @@ impl IndependenceCollector {
             self.blocks[first..].iter_mut().zip(row).for_each(|(block, sums)| block.add(sums));
         }
         self.rows += band.height();
+        self.sample.look(band, valid);
     }
 
     /// What the rows say.
@@ -157,11 +157,13 @@ impl IndependenceCollector {
         let correlations = Sorted::new(of(&BlockSums::correlation));
         let enough = noisy.len() >= FEWEST_BLOCKS;
         let (quartile, twentieth) = (correlations.at(QUARTILE), correlations.at(TWENTIETH));
+        let of_quartile = SharedNoise { correlation: quartile, standard_error: correlations.standard_error(QUARTILE) };
+        let found = self.sample.shared_noise(|at| noisy.binary_search(&at).is_ok()).unwrap_or(of_quartile);
         let median_ratio =
             |value: &dyn Fn(&BlockSums) -> f64| if enough { Sorted::new(of(value)).at(0.5) } else { 1.0 };
         Independence {
-            correlation: enough.then(|| quartile.min(twentieth + CHANCE)),
-            standard_error: correlations.standard_error(QUARTILE),
+            correlation: enough.then(|| found.correlation.min(twentieth + CHANCE)),
+            standard_error: found.standard_error,
             textured: quartile - twentieth > TEXTURED,
             median: correlations.at(0.5),
             noise_ratio: median_ratio(&|block| ratio(block.residuals[0], block.residuals[1])),
@@ -203,12 +205,6 @@ impl IndependenceCollector {
         }
         let hundredths = |cell: Vec<f64>| (!cell.is_empty()).then(|| (100.0 * Sorted::new(cell).at(0.5)).round() as i8);
         cells.map(|row| row.map(hundredths))
-    }
-}
-
-impl Default for IndependenceCollector {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -284,7 +280,7 @@ impl Sorted {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::rng::Rng;
     use sspc_image::HalfBuffer;
@@ -296,7 +292,7 @@ mod tests {
     const NEAR: f64 = 0.075;
 
     /// Halves whose noise has correlation `rho`, around `texture(y, x)` that z lacks.
-    fn frame(rho: f32, texture: impl Fn(usize, usize) -> f32) -> Frame {
+    pub(crate) fn frame(rho: f32, texture: impl Fn(usize, usize) -> f32) -> Frame {
         let rng = &mut Rng::new(7);
         let mut y = [0, 1].map(|_| Image::zeros(3, HEIGHT, WIDTH));
         for (c, row, x) in (0..3 * HEIGHT * WIDTH).map(|i| (i / WIDTH / HEIGHT, i / WIDTH % HEIGHT, i % WIDTH)) {
@@ -316,8 +312,8 @@ mod tests {
         Frame { a, b, denoised: None, variants: Vec::new() }
     }
 
-    fn measured(frame: &Frame) -> Independence {
-        let mut collector = IndependenceCollector::new();
+    pub(crate) fn measured(frame: &Frame) -> Independence {
+        let mut collector = IndependenceCollector::new(frame.height() * frame.width());
         collector.look(frame, &Image::filled(1, frame.height(), frame.width(), 1.0));
         collector.finish()
     }
@@ -346,7 +342,7 @@ mod tests {
     #[test]
     fn bands_of_any_height_say_the_same_as_the_whole() {
         let frame = frame(0.3, |_, _| 0.0);
-        let mut collector = IndependenceCollector::new();
+        let mut collector = IndependenceCollector::new(frame.height() * frame.width());
         let mut top = 0;
         for rows in [5, 16, 1, 64, 100, 6] {
             collector.look(&frame.rows(top, rows), &Image::filled(1, rows, WIDTH, 1.0));

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | [`same_scene`] | whether both halves show the same things |
 //! | [`frame_stats`] | what is decided once for a frame: exposure, features in use |
-//! | [`independence`], [`trust`] | whether the halves are what they claim to be, and what is done about it |
+//! | [`independence`], `shared_noise`, [`trust`] | whether the halves are what they claim to be, and what is done about it |
 //! | [`prepare`] | a frame in the method's units |
 //! | [`plan`] | what of the picture is computed |
 //! | [`start`] | a network's weights before training |
@@ -45,6 +45,7 @@ pub mod plan;
 pub mod prepare;
 pub mod rng;
 pub mod same_scene;
+mod shared_noise;
 pub mod start;
 pub mod tiles;
 pub mod trust;

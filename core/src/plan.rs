@@ -86,6 +86,11 @@ impl Plan {
         !self.active.contains(&true)
     }
 
+    /// Whether the pixel's block is computed.
+    pub fn is_active(&self, y: usize, x: usize) -> bool {
+        self.active[y / BLOCK_ROWS * self.columns() + x / BLOCK_COLUMNS]
+    }
+
     fn columns(&self) -> usize {
         self.width.div_ceil(BLOCK_COLUMNS)
     }
