@@ -13,6 +13,7 @@ use crate::box_mean::box_mean;
 use crate::held_out::blind;
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
+use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 
@@ -36,21 +37,25 @@ impl Evidence {
     /// Evidence of corrected `halves`, `[3, H, W]` each, in the method's units.
     pub fn of(prepared: &Prepared, halves: &[Image; 2]) -> Self {
         let (height, width) = (prepared.height(), prepared.width());
+        let mut evidence = Self { agreement: Image::zeros(1, height, width), size: Image::zeros(1, height, width) };
+        if height * width == 0 {
+            return evidence;
+        }
         let weights = [0, 1].map(|h| own_weight(prepared, h));
-        let sum = |of: fn(f32, f32) -> f32| {
-            Image::from_rows(1, height, width, |_, y, row| {
-                for (h, k) in (0..2).flat_map(|h| (0..3).map(move |k| (h, k))) {
-                    let (z, weight) = (prepared.halves[h].row(DENOISED + k, y), weights[h].row(0, y));
-                    let target = prepared.target_row(h, k, y);
-                    let corrected = halves[h].row(k, y);
-                    for x in 0..width {
-                        let d = corrected[x] - z[x];
-                        row[x] += weight[x] * of(target[x] - z[x], d) * d;
-                    }
+        let agreement = evidence.agreement.plane_mut(0).par_chunks_mut(width);
+        let size = evidence.size.plane_mut(0).par_chunks_mut(width);
+        agreement.zip(size).enumerate().for_each(|(y, (agreement, size))| {
+            for (h, k) in (0..2).flat_map(|h| (0..3).map(move |k| (h, k))) {
+                let (z, weight) = (prepared.halves[h].row(DENOISED + k, y), weights[h].row(0, y));
+                let (target, corrected) = (&*prepared.target_row(h, k, y), halves[h].row(k, y));
+                for x in 0..width {
+                    let d = corrected[x] - z[x];
+                    agreement[x] += weight[x] * (target[x] - z[x]) * d;
+                    size[x] += weight[x] * d * d;
                 }
-            })
-        };
-        Self { agreement: sum(|r, _| r), size: sum(|_, d| d) }
+            }
+        });
+        evidence
     }
 
     /// Only what the pixels that were trained on say.
@@ -64,12 +69,11 @@ impl Evidence {
         // Each image goes when its mean is there.
         let mean = |image: Image| box_mean(&image, WEIGHT_RADIUS);
         let (agreement, size) = (mean(mean(self.agreement)), mean(mean(self.size)));
-        let share = |y: usize, x: usize| {
-            let d = size.at(0, y, x);
-            if d > 0.0 { (agreement.at(0, y, x) / d).clamp(0.0, LARGEST_SHARE) } else { 0.0 }
-        };
         Image::from_rows(1, size.height(), size.width(), |_, y, row| {
-            row.iter_mut().enumerate().for_each(|(x, s)| *s = share(y, x));
+            let sums = agreement.row(0, y).iter().zip(size.row(0, y));
+            for (share, (agreement, size)) in row.iter_mut().zip(sums) {
+                *share = if *size > 0.0 { (agreement / size).clamp(0.0, LARGEST_SHARE) } else { 0.0 };
+            }
         })
     }
 }

@@ -23,10 +23,9 @@ use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
 use std::ops::Range;
 
-/// Rows that are weighed and summed at a time: what is held for them beside the picture does not grow with it. A
-/// multiple of the plan's blocks and of [`estimate::BLOCK`]: no block is cut, and sums are the same.
+/// Rows that are corrected at a time are a multiple of this, and this of the plan's blocks: none is cut.
 const ROWS_AT_ONCE: usize = 128;
-const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(estimate::BLOCK) && ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
+const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
 /// Memory for the parameters of the rows that are corrected at a time: beyond it, rows do not hold more.
 const PARAMETER_BYTES: usize = 16 << 20;
 
@@ -85,7 +84,7 @@ impl Composer<'_> {
         source: &S,
         rows: Range<usize>,
     ) -> Result<Band, S::Error> {
-        let Corrections { mut halves, mut picture } = self.corrections(prepared, source, &rows)?;
+        let Corrections { halves, mut picture } = self.corrections(prepared, source, &rows)?;
         let mut sums = FrameSums::default();
         let mut share = match self.composition {
             Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
@@ -102,17 +101,13 @@ impl Composer<'_> {
             limit_outliers(prepared, &halves, &mut share, &mut picture);
         }
         share = self.weaken(share);
-        // The results take the place of what they are made of.
-        for top in rows.clone().step_by(ROWS_AT_ONCE) {
-            let strip = top..(top + ROWS_AT_ONCE).min(rows.end);
-            let cut = |image: &Image| image.crop(top, 0, strip.len(), image.width());
-            let [a, b] = &halves;
-            let done = weigh(&prepared.rows(strip.clone()), &[cut(a), cut(b)], cut(&picture), cut(&share));
-            picture.put_rows(top, &done.correction);
-            halves[0].put_rows(top, &done.halves);
-            sums.append(done.sums);
-        }
-        let [halves, _] = halves;
+        keep_shares(prepared, &mut picture, &share);
+        sums = FrameSums {
+            held_out_gain: sums.held_out_gain,
+            ..FrameSums::of(prepared, &halves, &share, &picture, rows.clone())
+        };
+        let [mut halves, b] = halves;
+        blend(prepared, &mut halves, &b, &share);
         let only = |image: Image| match rows.len() == image.height() {
             true => image,
             false => image.crop(rows.start, 0, rows.len(), image.width()),
@@ -268,37 +263,26 @@ impl Corrections {
     }
 }
 
-/// Weighed corrections of some rows by themselves, and what they say of the picture; `picture` is what it is made of.
-fn weigh(prepared: &Prepared, halves: &[Image; 2], picture: Image, share: Image) -> Band {
-    let mut correction = picture;
-    correction.for_each_row(|c, y, row| {
+/// Turns what the picture is made of into the share of its correction that is kept, 0 at missing pixels.
+fn keep_shares(prepared: &Prepared, picture: &mut Image, share: &Image) {
+    picture.for_each_row(|c, y, row| {
         let (share, z) = (share.row(0, y), prepared.denoised.row(c, y));
+        let valid = prepared.valid.as_ref().map(|valid| valid.row(0, y));
         for (x, v) in row.iter_mut().enumerate() {
-            let kept = if prepared.is_valid(y * share.len() + x) { share[x] } else { 0.0 };
+            let kept = if valid.is_none_or(|valid| valid[x] != 0.0) { share[x] } else { 0.0 };
             *v = kept * (*v - z[x]);
         }
     });
-    let rows = 0..prepared.height();
-    let blended = [0, 1].map(|h| blend(prepared, &halves[h], &share, h));
-    let denoised = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
-    let sums = FrameSums {
-        loss_denoised: estimate::loss(prepared, &denoised, rows.clone()),
-        loss_corrected: estimate::loss(prepared, &blended, rows.clone()),
-        loss_unjudged: estimate::loss(prepared, halves, rows.clone()),
-        held_out_gain: None,
-        gain: estimate::gain(prepared, &denoised, &blended, rows.clone()),
-        error_denoised: estimate::estimate(prepared, &denoised, &correction, rows.clone()),
-        error_corrected: estimate::estimate(prepared, &blended, &correction, rows),
-    };
-    Band { correction, share, halves: Image::mean_of(&blended[0], &blended[1]), sums }
 }
 
-/// z + share (μ̂ - z) of half `h`.
-fn blend(prepared: &Prepared, corrected: &Image, share: &Image, h: usize) -> Image {
-    Image::from_rows(3, share.height(), share.width(), |k, y, row| {
-        let (z, corrected, share) = (prepared.halves[h].row(DENOISED + k, y), corrected.row(k, y), share.row(0, y));
-        for (x, out) in row.iter_mut().enumerate() {
-            *out = (z[x] + share[x] * (corrected[x] - z[x])).max(0.0);
+/// Mean of both halves' z + share (μ̂ - z), in the place of the first.
+fn blend(prepared: &Prepared, a: &mut Image, b: &Image, share: &Image) {
+    a.for_each_row(|k, y, row| {
+        let [z_a, z_b] = [0, 1].map(|h| prepared.halves[h].row(DENOISED + k, y));
+        let (b, share) = (b.row(k, y), share.row(0, y));
+        let blended = |z: f32, corrected: f32, share: f32| (z + share * (corrected - z)).max(0.0);
+        for (x, a) in row.iter_mut().enumerate() {
+            *a = 0.5 * blended(z_a[x], *a, share[x]) + 0.5 * blended(z_b[x], b[x], share[x]);
         }
-    })
+    });
 }

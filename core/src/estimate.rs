@@ -23,7 +23,7 @@ use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use rayon::prelude::*;
 use sspc_image::Image;
-use sspc_kernels::features::{DENOISED, RADIANCE};
+use sspc_kernels::features::DENOISED;
 use std::ops::Range;
 
 /// Side of the blocks whose scatter gives a standard error: noise is nearly independent between them.
@@ -62,7 +62,7 @@ pub struct Estimate {
 /// Sums over blocks of pixels: those of a picture's bands, put after each other, are those of the
 /// picture, when every band begins at a multiple of [`BLOCK`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Blocks(Vec<(f64, f64)>);
+pub struct Blocks(pub(crate) Vec<(f64, f64)>);
 
 impl Blocks {
     /// Adds the blocks of the next band.
@@ -99,8 +99,8 @@ impl Blocks {
 /// Sums of an error's estimate over blocks, under the denominators of two pictures.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Errors {
-    finished: Blocks,
-    denoised: Blocks,
+    pub(crate) finished: Blocks,
+    pub(crate) denoised: Blocks,
 }
 
 impl Errors {
@@ -124,32 +124,7 @@ impl Errors {
     }
 }
 
-/// 1/(3N) Σ ½ (L̂(a) + L̂(b)) of a pair of pictures `[3, H, W]`, in the method's units, over `rows`, with
-/// [`crate::objective::own_weight`]: [`gain`] is the difference of two of these.
-pub fn loss(prepared: &Prepared, pair: &[Image], rows: Range<usize>) -> Blocks {
-    let of_half = |h: usize, i: usize| 0.5 * weight(prepared, h, i) * squared_to(prepared, &pair[h], h, i);
-    let [blocks] = sum_blocks(prepared, rows, |i| [of_half(0, i) + of_half(1, i)]);
-    blocks
-}
-
-/// Estimate of how much smaller the error of `after` is than that of `before`:
-/// L̂(before) - L̂(after), which needs no variance; over `rows`, with
-/// [`crate::objective::own_weight`].
-pub fn gain(prepared: &Prepared, before: &[Image], after: &[Image], rows: Range<usize>) -> Blocks {
-    let of_half = |h: usize, i: usize| {
-        let product = |k: usize| {
-            let (p, q) = (f64::from(before[h].plane(k)[i]), f64::from(after[h].plane(k)[i]));
-            let y = f64::from(prepared.target(h, k, i));
-            // (p - y)² - (q - y)² without the cancellation of two large squares.
-            (p - q) * (p + q - 2.0 * y)
-        };
-        0.5 * weight(prepared, h, i) * (0..3).map(product).sum::<f64>()
-    };
-    let [blocks] = sum_blocks(prepared, rows, |i| [of_half(0, i) + of_half(1, i)]);
-    blocks
-}
-
-/// As [`gain`], of the denoised halves over those corrected by `share` of the way to `corrected`, over the pixels of a
+/// Fall of the loss from the denoised halves to those corrected by `share` of the way to `corrected`, over the pixels of a
 /// whole picture that training left out ([`crate::held_out`]).
 pub fn held_out_gain(prepared: &Prepared, corrected: &[Image; 2], share: &Image) -> Blocks {
     let width = prepared.width();
@@ -170,42 +145,6 @@ pub fn held_out_gain(prepared: &Prepared, corrected: &[Image; 2], share: &Image)
     let kept = blocks.0.into_iter().enumerate();
     let kept = kept.filter(|(at, block)| is_held_out(at / columns * BLOCK, at % columns * BLOCK) && block.1 > 0.0);
     Blocks(kept.map(|(_, block)| block).collect())
-}
-
-/// Estimated relL2 of the mean of a pair of pictures, in the frame's own exposure, over `rows`;
-/// `correction` `[3, H, W]` is what the finished picture adds to the denoiser's.
-///
-/// Finished and denoised picture stand in for the reference in the denominator: they are made of both
-/// halves alike. Under a weight made of the half compared with, whose z is large where its noise is,
-/// the squares of that half's noise weigh less than the variance that is to cancel them, and the
-/// estimate falls below 0 in noisy frames; under a symmetric one squares and variance weigh alike. They still depend on
-/// the same noise: where it makes the stand-in bright, errors count for less.
-pub fn estimate(prepared: &Prepared, pair: &[Image], correction: &Image, rows: Range<usize>) -> Errors {
-    // In the method's units the 0.01 of relL2 is this much.
-    let floor = f64::from(RELATIVE_FLOOR * prepared.exposure * prepared.exposure);
-    let [finished, denoised] = sum_blocks(prepared, rows, |i| {
-        let apart: f64 = (0..3).map(|k| f64::from(pair[0].plane(k)[i] - pair[1].plane(k)[i]).powi(2)).sum();
-        let squared: f64 = (0..2).map(|h| 0.5 * squared_to(prepared, &pair[h], h, i)).sum();
-        let error = squared - variance(prepared, i) - 0.25 * apart;
-        let z: [f32; 3] = std::array::from_fn(|k| prepared.denoised.plane(k)[i]);
-        let corrected = std::array::from_fn(|k| (z[k] + correction.plane(k)[i]).max(0.0));
-        [corrected, z].map(|stand_in| {
-            let mean = stand_in.map(f64::from).iter().sum::<f64>() / 3.0;
-            error / (mean * mean + floor)
-        })
-    });
-    Errors { finished, denoised }
-}
-
-/// ‖x - y‖² at pixel i, y what x of half `h` is compared with.
-fn squared_to(prepared: &Prepared, x: &Image, h: usize, i: usize) -> f64 {
-    (0..3).map(|k| f64::from(x.plane(k)[i] - prepared.target(h, k, i)).powi(2)).sum()
-}
-
-/// 1ᵀσ² of what a half is compared with at pixel i.
-fn variance(prepared: &Prepared, i: usize) -> f64 {
-    let y = |h: usize, k: usize| prepared.halves[h].plane(RADIANCE + k)[i];
-    prepared.variance_factor() * (0..3).map(|k| 0.5 * f64::from(y(0, k) - y(1, k)).powi(2)).sum::<f64>()
 }
 
 /// [`crate::objective::own_weight`] of half `h` at pixel i.
@@ -246,10 +185,11 @@ fn sum_blocks<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame_sums::FrameSums;
     use crate::plan::Plan;
     use crate::prepare::Findings;
     use crate::rng::Rng;
-    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
 
     /// Share of a half's noise that its z keeps.
     const KEPT: f32 = 0.3;
@@ -283,12 +223,18 @@ mod tests {
         (Prepared { exposure: 1.0, halves, denoised, valid: None, set, variants: Vec::new(), plan, found }, z, expected)
     }
 
+    /// Sums over a picture that adds `correction`, of halves corrected wholly.
+    fn sums(prepared: &Prepared, corrected: &[Image; 2], correction: &Image) -> FrameSums {
+        let share = Image::filled(1, prepared.height(), prepared.width(), 1.0);
+        FrameSums::of(prepared, corrected, &share, correction, 0..prepared.height())
+    }
+
     /// Under weights of the half compared with, this estimate is -4 times the error.
     #[test]
     fn heavy_noise_that_z_follows_does_not_make_the_estimate_negative() {
         let (prepared, z, expected) = heavy_noise();
         let nothing = Image::zeros(3, prepared.height(), prepared.width());
-        let found = estimate(&prepared, &z, &nothing, 0..prepared.height()).mean();
+        let found = sums(&prepared, &z, &nothing).error_corrected.mean();
         let ratio = found.value / expected;
         assert!((1.0 / WITHIN..WITHIN).contains(&ratio), "estimated {found:?}, true {expected}");
     }
@@ -297,11 +243,10 @@ mod tests {
     #[test]
     fn a_finished_picture_near_the_truth_mends_the_estimate_and_the_standard_error_says_by_how_much() {
         let (prepared, z, expected) = heavy_noise();
-        let rows = 0..prepared.height();
         let exact = Image::from_rows(3, prepared.height(), prepared.width(), |k, y, row| {
             row.iter_mut().zip(prepared.denoised.row(k, y)).for_each(|(c, z)| *c = TRUTH - z);
         });
-        let errors = estimate(&prepared, &z, &exact, rows);
+        let errors = sums(&prepared, &z, &exact).error_corrected;
         let (found, before) = (errors.mean(), errors.denoised.mean());
         let off = |mean: Mean| (mean.value / expected - 1.0).abs();
         assert!(off(found) < BY_CHANCE && off(before) > 2.0 * BY_CHANCE, "{found:?} and {before:?}, true {expected}");
@@ -318,7 +263,8 @@ mod tests {
                 row.iter_mut().zip(z.row(k, y)).for_each(|(d, z)| *d = z - 0.02);
             })
         });
-        let found = gain(&prepared, &z, &darker, 0..prepared.height()).mean();
+        let nothing = Image::zeros(3, prepared.height(), prepared.width());
+        let found = sums(&prepared, &darker, &nothing).gain.mean();
         // E[w((z - μ)² - (z - 0.02 - μ)²)] with w and z of one half, known here.
         let (mut sum, mut count) = (0.0, 0.0);
         for z in z.iter().flat_map(|z| z.plane(0)) {

@@ -1,9 +1,25 @@
 //! What a whole picture is judged by: sums over its blocks, band after band.
+//!
+//! **Loss** (Eq. 9): Σ ½ w^h ‖x^h - y‖² over both halves, y the other half's, w^h by the own half's z
+//! ([`crate::objective::own_weight`]); **gain**, the difference of two losses.
+//!
+//! **Error** of the mean of both halves: ½ Σ_h ‖x^h - y‖² - σ² - ¼ ‖x^a - x^b‖² over a squared brightness. Finished and
+//! denoised picture stand in for the reference there: they are made of both halves alike. Under a weight made of the half
+//! compared with, whose z is large where its noise is, the squares of that half's noise weigh less than the variance that
+//! is to cancel them, and the estimate falls below 0 in noisy frames; under a symmetric one squares and variance weigh
+//! alike. They still depend on the same noise: where it makes the stand-in bright, errors count for less.
 
 use crate::composition::Composition;
-use crate::estimate::{Blocks, Errors, Estimate, Losses, Mean};
+use crate::estimate::{BLOCK, Blocks, Errors, Estimate, Losses, Mean};
 use crate::held_out;
+use crate::objective::{RELATIVE_FLOOR, weight_of};
+use crate::prepare::Prepared;
 use crate::trust::Trust;
+use rayon::prelude::*;
+use sspc_image::Image;
+use sspc_kernels::features::{DENOISED, RADIANCE};
+use std::borrow::Cow;
+use std::ops::Range;
 
 /// Sums over the blocks of a picture, or of its first bands from top to bottom.
 #[derive(Clone, Debug, Default)]
@@ -33,7 +49,45 @@ pub struct Verdict {
     pub fallback: Option<String>,
 }
 
+/// Quantities of a pixel: losses of z, of the blended and of the whole correction, gain, and the errors of z and of the
+/// blended correction under the finished and the denoised picture's brightness.
+const QUANTITIES: usize = 8;
+/// Those of a block, and its valid values.
+type BlockSum = ([f64; QUANTITIES], f64);
+
 impl FrameSums {
+    /// Sums over `rows`, which begin at a multiple of [`BLOCK`]. Half h is z + share (`corrected` - z), no less than 0;
+    /// `correction` `[3, H, W]` is what the finished picture adds to the denoiser's. All in the method's units.
+    pub fn of(
+        prepared: &Prepared,
+        corrected: &[Image; 2],
+        share: &Image,
+        correction: &Image,
+        rows: Range<usize>,
+    ) -> Self {
+        let tops: Vec<usize> = rows.clone().step_by(BLOCK).collect();
+        let blocks: Vec<Vec<BlockSum>> = tops
+            .into_par_iter()
+            .map(|top| {
+                let mut blocks = vec![([0.0; QUANTITIES], 0.0); prepared.width().div_ceil(BLOCK)];
+                for y in top..(top + BLOCK).min(rows.end) {
+                    Pixels::of_row(prepared, corrected, share, correction, y).add_to(&mut blocks);
+                }
+                blocks
+            })
+            .collect();
+        let of = |n: usize| Blocks(blocks.iter().flatten().map(|(sums, count)| (sums[n], *count)).collect());
+        Self {
+            loss_denoised: of(0),
+            loss_corrected: of(1),
+            loss_unjudged: of(2),
+            gain: of(3),
+            held_out_gain: None,
+            error_denoised: Errors { finished: of(4), denoised: of(5) },
+            error_corrected: Errors { finished: of(6), denoised: of(7) },
+        }
+    }
+
     /// Adds the next band below.
     pub fn append(&mut self, next: FrameSums) {
         self.loss_denoised.append(next.loss_denoised);
@@ -101,6 +155,110 @@ impl FrameSums {
             }
             _ => Some("nothing is added to the denoiser's picture".to_string()),
         }
+    }
+}
+
+/// A row of everything that a picture is judged by; by halves and channels.
+struct Pixels<'a> {
+    z: [[&'a [f32]; 3]; 2],
+    radiance: [[&'a [f32]; 3]; 2],
+    target: [[Cow<'a, [f32]>; 3]; 2],
+    corrected: [[&'a [f32]; 3]; 2],
+    share: &'a [f32],
+    denoised: [&'a [f32]; 3],
+    correction: [&'a [f32]; 3],
+    valid: Option<&'a [f32]>,
+    variance_factor: f64,
+    /// 0.01 of relL2 in the method's units.
+    floor: f64,
+}
+
+impl<'a> Pixels<'a> {
+    fn of_row(
+        prepared: &'a Prepared,
+        corrected: &'a [Image; 2],
+        share: &'a Image,
+        correction: &'a Image,
+        y: usize,
+    ) -> Self {
+        let channels = |image: &'a Image, first: usize| [0, 1, 2].map(|k| image.row(first + k, y));
+        Self {
+            z: [0, 1].map(|h| channels(&prepared.halves[h], DENOISED)),
+            radiance: [0, 1].map(|h| channels(&prepared.halves[h], RADIANCE)),
+            target: [0, 1].map(|h| [0, 1, 2].map(|k| prepared.target_row(h, k, y))),
+            corrected: [0, 1].map(|h| channels(&corrected[h], 0)),
+            share: share.row(0, y),
+            denoised: channels(&prepared.denoised, 0),
+            correction: channels(correction, 0),
+            valid: prepared.valid.as_ref().map(|valid| valid.row(0, y)),
+            variance_factor: prepared.variance_factor(),
+            floor: f64::from(RELATIVE_FLOOR * prepared.exposure * prepared.exposure),
+        }
+    }
+
+    fn add_to(&self, blocks: &mut [BlockSum]) {
+        for (block, (sums, count)) in blocks.iter_mut().enumerate() {
+            for x in block * BLOCK..((block + 1) * BLOCK).min(self.share.len()) {
+                if self.valid.is_none_or(|valid| valid[x] != 0.0) {
+                    sums.iter_mut().zip(self.quantities(x)).for_each(|(sum, value)| *sum += value);
+                    *count += 3.0;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn quantities(&self, x: usize) -> [f64; QUANTITIES] {
+        let mut losses = [0.0; 4];
+        let mut squared = [0.0; 2];
+        let mut blended = [[0.0f32; 3]; 2];
+        for h in 0..2 {
+            let z = [self.z[h][0][x], self.z[h][1][x], self.z[h][2][x]];
+            let weight = f64::from(weight_of(z, RELATIVE_FLOOR));
+            // ‖x - y‖² of z, blended and corrected, and what the second has less than the first.
+            let (mut of_z, mut of_blended, mut of_corrected, mut gain) = (0.0, 0.0, 0.0, 0.0);
+            for k in 0..3 {
+                let (corrected, y) = (self.corrected[h][k][x], self.target[h][k][x]);
+                let mixed = (z[k] + self.share[x] * (corrected - z[k])).max(0.0);
+                blended[h][k] = mixed;
+                let square = |from: f32| f64::from(from - y) * f64::from(from - y);
+                of_z += square(z[k]);
+                of_blended += square(mixed);
+                of_corrected += square(corrected);
+                // (p - y)² - (q - y)² without the cancellation of two large squares.
+                let (p, q) = (f64::from(z[k]), f64::from(mixed));
+                gain += (p - q) * (p + q - 2.0 * f64::from(y));
+            }
+            for (loss, of) in losses.iter_mut().zip([of_z, of_blended, of_corrected, gain]) {
+                *loss += 0.5 * weight * of;
+            }
+            squared[0] += 0.5 * of_z;
+            squared[1] += 0.5 * of_blended;
+        }
+        let (mut variance, mut apart) = (0.0, [0.0; 2]);
+        let (mut finished, mut denoised) = (0.0, 0.0);
+        for k in 0..3 {
+            let square = |p: f32, q: f32| f64::from(p - q) * f64::from(p - q);
+            variance += 0.5 * square(self.radiance[0][k][x], self.radiance[1][k][x]);
+            apart[0] += square(self.z[0][k][x], self.z[1][k][x]);
+            apart[1] += square(blended[0][k], blended[1][k]);
+            finished += f64::from((self.denoised[k][x] + self.correction[k][x]).max(0.0));
+            denoised += f64::from(self.denoised[k][x]);
+        }
+        let [finished, denoised] = [finished, denoised].map(|sum| (sum / 3.0) * (sum / 3.0) + self.floor);
+        let error = |i: usize| squared[i] - self.variance_factor * variance - 0.25 * apart[i];
+        let [of_z, of_blended] = [error(0), error(1)];
+        let [loss_z, loss_blended, loss_corrected, gain] = losses;
+        [
+            loss_z,
+            loss_blended,
+            loss_corrected,
+            gain,
+            of_z / finished,
+            of_z / denoised,
+            of_blended / finished,
+            of_blended / denoised,
+        ]
     }
 }
 

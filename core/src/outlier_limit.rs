@@ -35,81 +35,79 @@ pub(crate) fn limit_outliers(prepared: &Prepared, halves: &[Image; 2], share: &m
     // Squared distances of the picture and of the halves from the halves' mean, and how far these are apart.
     let mut distances = Image::zeros(3, height, width);
     let [of_picture, of_halves, close] = distances.planes_mut().map(|plane| plane.par_chunks_mut(width));
-    of_picture.zip(of_halves).zip(close).enumerate().for_each(|(y, ((of_picture, of_halves), close))| {
-        let blended = Blended::of(prepared, halves, share, y);
-        let whole = [0, 1, 2].map(|k| (prepared.denoised.row(k, y), picture.row(k, y)));
+    let rows = of_picture.zip(of_halves).zip(close).enumerate();
+    rows.for_each_init(Vec::new, |scratch, (y, ((of_picture, of_halves), close))| {
+        let corrected = [0, 1, 2].map(|k| picture.row(k, y));
+        let Blended { a, b, whole } = Blended::of(prepared, halves, corrected, share.row(0, y), y, scratch);
         for x in 0..width {
-            let [a, b] = blended.at(x);
-            let whole = whole.map(|(z, corrected)| mixed(z[x], corrected[x], blended.share[x]));
-            let mean = mean(a, b);
+            let mean = [0, 1, 2].map(|k| 0.5 * (a[k][x] + b[k][x]));
             let weight = weight_of(mean, RELATIVE_FLOOR);
-            of_picture[x] = weight * squared_distance(whole, mean);
-            of_halves[x] = weight * squared_distance(a, mean);
-            close[x] = (0..3).map(|k| (a[k] - b[k]).abs()).sum::<f32>() / 3.0;
+            let distance = |from: [&[f32]; 3]| (0..3).map(|k| (from[k][x] - mean[k]).powi(2)).sum::<f32>();
+            of_picture[x] = weight * distance(whole);
+            of_halves[x] = weight * distance(a);
+            close[x] = (0..3).map(|k| (a[k][x] - b[k][x]).abs()).sum::<f32>() / 3.0;
         }
     });
     let plane = |c: usize| Image::from_planes(1, height, width, distances.plane(c).to_vec());
     let (of_picture, of_halves) = (box_mean(&plane(0), LIMIT_RADIUS), box_mean(&plane(1), LIMIT_RADIUS));
     let close = box_mean(&plane(2), CLOSE_RADIUS);
-    let unlimited = share.clone();
     let [red, green, blue] = picture.planes_mut().map(|plane| plane.par_chunks_mut(width));
     let rows = red.zip(green).zip(blue).zip(share.plane_mut(0).par_chunks_mut(width)).enumerate();
-    rows.for_each(|(y, (((red, green), blue), share))| {
-        let blended = Blended::of(prepared, halves, &unlimited, y);
-        let denoised = [0, 1, 2].map(|k| prepared.denoised.row(k, y));
+    rows.for_each_init(Vec::new, |scratch, (y, (((red, green), blue), share))| {
+        let corrected = [&*red, &*green, &*blue];
+        let Blended { a, b, whole } = Blended::of(prepared, halves, corrected, share, y, scratch);
+        let corrected = [red, green, blue];
         let (of_picture, of_halves, close) = (of_picture.row(0, y), of_halves.row(0, y), close.row(0, y));
         for x in (0..width).filter(|&x| prepared.plan.is_active(y, x)) {
-            let [a, b] = blended.at(x);
             let (far, allowed) = (of_picture[x], TIMES_AROUND * of_halves[x]);
             let margin = TIMES_CLOSE * close[x];
-            let z = denoised.map(|row| row[x]);
-            let (kept, raised) = (share[x], share[x].max(LEAST_SHARE));
-            let mut corrected = [&mut red[x], &mut green[x], &mut blue[x]];
-            let whole = [0, 1, 2].map(|k| mixed(z[k], *corrected[k], kept));
             let limited = [0, 1, 2].map(|k| {
-                let mean = 0.5 * (a[k] + b[k]);
-                let nearer = if far > allowed { mean + allowed / far * (whole[k] - mean) } else { whole[k] };
-                nearer.max(a[k].min(b[k]) - margin).min(a[k].max(b[k]) + margin)
+                let (a, b, value) = (a[k][x], b[k][x], whole[k][x]);
+                let mean = 0.5 * (a + b);
+                let nearer = if far > allowed { mean + allowed / far * (value - mean) } else { value };
+                nearer.max(a.min(b) - margin).min(a.max(b) + margin)
             });
-            if limited != whole {
-                share[x] = raised;
-                (0..3).filter(|&k| limited[k] != whole[k] || raised != kept).for_each(|k| {
-                    *corrected[k] = z[k] + (limited[k] - z[k]) / raised;
-                });
+            if (0..3).any(|k| limited[k] != whole[k][x]) {
+                share[x] = share[x].max(LEAST_SHARE);
+                for k in 0..3 {
+                    let z = prepared.denoised.at(k, y, x);
+                    corrected[k][x] = z + (limited[k] - z) / share[x];
+                }
             }
         }
     });
 }
 
-/// A row of both halves with the share of their correction that is used.
+/// A row of both halves and of the picture with their share of the correction, by channel.
 struct Blended<'a> {
-    /// z and the corrected value, of halves and channels.
-    values: [[(&'a [f32], &'a [f32]); 3]; 2],
-    share: &'a [f32],
+    a: [&'a [f32]; 3],
+    b: [&'a [f32]; 3],
+    whole: [&'a [f32]; 3],
 }
 
 impl<'a> Blended<'a> {
-    fn of(prepared: &'a Prepared, halves: &'a [Image; 2], share: &'a Image, y: usize) -> Self {
-        let row = |h: usize, k: usize| (prepared.halves[h].row(DENOISED + k, y), halves[h].row(k, y));
-        Self { values: [0, 1].map(|h| [0, 1, 2].map(|k| row(h, k))), share: share.row(0, y) }
+    fn of(
+        prepared: &Prepared,
+        halves: &[Image; 2],
+        picture: [&[f32]; 3],
+        share: &[f32],
+        y: usize,
+        scratch: &'a mut Vec<f32>,
+    ) -> Self {
+        scratch.resize(9 * share.len(), 0.0);
+        for (i, out) in scratch.chunks_exact_mut(share.len()).enumerate() {
+            let (of, k) = (i / 3, i % 3);
+            let (z, corrected) = match of {
+                0 | 1 => (prepared.halves[of].row(DENOISED + k, y), halves[of].row(k, y)),
+                _ => (prepared.denoised.row(k, y), picture[k]),
+            };
+            for (((out, z), corrected), share) in out.iter_mut().zip(z).zip(corrected).zip(share) {
+                *out = z + share * (corrected - z);
+            }
+        }
+        let rows = |of: usize| [0, 1, 2].map(|k| &scratch[(3 * of + k) * share.len()..][..share.len()]);
+        Self { a: rows(0), b: rows(1), whole: rows(2) }
     }
-
-    fn at(&self, x: usize) -> [[f32; 3]; 2] {
-        self.values.map(|half| half.map(|(z, corrected)| mixed(z[x], corrected[x], self.share[x])))
-    }
-}
-
-/// z + share (corrected - z).
-fn mixed(z: f32, corrected: f32, share: f32) -> f32 {
-    z + share * (corrected - z)
-}
-
-fn mean(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))
-}
-
-fn squared_distance(p: [f32; 3], q: [f32; 3]) -> f32 {
-    (0..3).map(|k| (p[k] - q[k]).powi(2)).sum()
 }
 
 #[cfg(test)]

@@ -75,31 +75,37 @@ impl Image {
     }
 
     /// Number of planes.
+    #[inline]
     pub fn channels(&self) -> usize {
         self.channels
     }
 
     /// Height in pixels.
+    #[inline]
     pub fn height(&self) -> usize {
         self.height
     }
 
     /// Width in pixels.
+    #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Pixels of one plane, `height * width`.
+    #[inline]
     pub fn pixels(&self) -> usize {
         self.height * self.width
     }
 
     /// All planes, one after another.
+    #[inline]
     pub fn data(&self) -> &[f32] {
         &self.data
     }
 
     /// All planes, one after another, to be changed.
+    #[inline]
     pub fn data_mut(&mut self) -> &mut [f32] {
         &mut self.data
     }
@@ -110,16 +116,19 @@ impl Image {
     }
 
     /// Plane `c` as `height * width` values.
+    #[inline]
     pub fn plane(&self, c: usize) -> &[f32] {
         &self.data[c * self.pixels()..(c + 1) * self.pixels()]
     }
 
     /// Row `y` of plane `c`.
+    #[inline]
     pub fn row(&self, c: usize, y: usize) -> &[f32] {
         &self.data[(c * self.height + y) * self.width..][..self.width]
     }
 
     /// Plane `c`, to be changed.
+    #[inline]
     pub fn plane_mut(&mut self, c: usize) -> &mut [f32] {
         let pixels = self.pixels();
         &mut self.data[c * pixels..(c + 1) * pixels]
@@ -135,6 +144,7 @@ impl Image {
     ///
     /// # Panics
     /// Unless there are three channels.
+    #[inline]
     pub fn planes_mut(&mut self) -> [&mut [f32]; 3] {
         assert_eq!(self.channels, 3, "channels of a picture");
         let pixels = self.pixels();
@@ -144,11 +154,13 @@ impl Image {
     }
 
     /// The value at row `y`, column `x` of plane `c`.
+    #[inline]
     pub fn at(&self, c: usize, y: usize, x: usize) -> f32 {
         self.data[(c * self.height + y) * self.width + x]
     }
 
     /// Sets the value at row `y`, column `x` of plane `c`.
+    #[inline]
     pub fn set(&mut self, c: usize, y: usize, x: usize, value: f32) {
         self.data[(c * self.height + y) * self.width + x] = value;
     }
