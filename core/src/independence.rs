@@ -8,10 +8,12 @@
 //! off it.
 //!
 //! The other measures tell halves that are not of one picture: brightness of the denoised halves, energy of the
-//! residuals, and whether albedo and normal have their edges in the same places.
+//! residuals, and whether albedo and normal have their edges in the same places (`alignment`).
 
+use crate::alignment::Alignment;
+use crate::block_sample::BlockSample;
 use crate::estimate::BLOCK;
-use crate::shared_noise::{BlockSample, SharedNoise};
+use crate::shared_noise::SharedNoise;
 use rayon::prelude::*;
 use serde::Serialize;
 use sspc_image::{Frame, Image};
@@ -31,8 +33,6 @@ const CHANCE: f64 = 0.1;
 const TEXTURED: f64 = 0.15;
 /// A block counts when its noise, against its brightness, is at least this share of the frame's mean.
 const LEAST_NOISE: f64 = 0.01;
-/// Mean square of a feature's difference between neighbours below which a block has no edges to compare.
-const LEAST_EDGE: f64 = 1e-4;
 /// Rows that one thread looks at, at a time.
 const ROWS_PER_JOB: usize = 8;
 
@@ -51,8 +51,8 @@ pub struct Independence {
     pub noise_ratio: f64,
     /// Brightness of z of half a over that of half b for R, G, B, the median over blocks.
     pub brightness: [f64; 3],
-    /// Correlation of the halves' edges of albedo and normal, the median over blocks; None without enough edges.
-    pub edges: Option<f64>,
+    /// Where the halves' albedo and normal have their edges; None without enough of them.
+    pub alignment: Option<Alignment>,
     /// Median correlation of the blocks of each cell of the picture, row by row, in hundredths; None without noise.
     pub map: [[Option<i8>; MAP_SIDE]; MAP_SIDE],
 }
@@ -76,7 +76,7 @@ impl Default for Independence {
             median: 0.0,
             noise_ratio: 1.0,
             brightness: [1.0; 3],
-            edges: None,
+            alignment: None,
             map: [[None; MAP_SIDE]; MAP_SIDE],
         }
     }
@@ -93,15 +93,12 @@ struct BlockSums {
     squared: f64,
     /// Σ z of each half and channel.
     colour: [[f64; 3]; 2],
-    /// Σ of (Δf^a)², (Δf^b)², Δf^a Δf^b of albedo and normal, Δ between neighbours of a row.
-    edges: [f64; 3],
     pixels: f64,
 }
 
 impl BlockSums {
     fn add(&mut self, other: &BlockSums) {
-        let pairs = self.residuals.iter_mut().zip(other.residuals).chain(self.edges.iter_mut().zip(other.edges));
-        pairs.for_each(|(own, other)| *own += other);
+        self.residuals.iter_mut().zip(other.residuals).for_each(|(own, other)| *own += other);
         for (own, other) in self.colour.iter_mut().flatten().zip(other.colour.iter().flatten()) {
             *own += other;
         }
@@ -158,7 +155,7 @@ impl IndependenceCollector {
         let enough = noisy.len() >= FEWEST_BLOCKS;
         let (quartile, twentieth) = (correlations.at(QUARTILE), correlations.at(TWENTIETH));
         let of_quartile = SharedNoise { correlation: quartile, standard_error: correlations.standard_error(QUARTILE) };
-        let found = self.sample.shared_noise(|at| noisy.binary_search(&at).is_ok()).unwrap_or(of_quartile);
+        let found = SharedNoise::of(&self.sample.blocks(|at| noisy.binary_search(&at).is_ok())).unwrap_or(of_quartile);
         let median_ratio =
             |value: &dyn Fn(&BlockSums) -> f64| if enough { Sorted::new(of(value)).at(0.5) } else { 1.0 };
         Independence {
@@ -168,7 +165,7 @@ impl IndependenceCollector {
             median: correlations.at(0.5),
             noise_ratio: median_ratio(&|block| ratio(block.residuals[0], block.residuals[1])),
             brightness: [0, 1, 2].map(|k| median_ratio(&|block| ratio(block.colour[0][k], block.colour[1][k]))),
-            edges: self.edges(),
+            alignment: Alignment::of(&self.sample.blocks(|_| true)),
             map: self.map(&noisy),
         }
     }
@@ -184,16 +181,6 @@ impl IndependenceCollector {
             if denominator > 0.0 { block.noise / denominator } else { 0.0 }
         };
         self.blocks.iter().map(of).collect()
-    }
-
-    fn edges(&self) -> Option<f64> {
-        let of = |block: &BlockSums| {
-            let [a, b, ab] = block.edges;
-            let energy = 0.5 * (a + b);
-            (energy > LEAST_EDGE * block.pixels).then(|| ab / energy)
-        };
-        let found: Vec<f64> = self.blocks.iter().filter_map(of).collect();
-        (found.len() >= FEWEST_BLOCKS).then(|| Sorted::new(found).at(0.5))
     }
 
     fn map(&self, noisy: &[usize]) -> [[Option<i8>; MAP_SIDE]; MAP_SIDE] {
@@ -236,18 +223,6 @@ fn row_sums(band: &Frame, valid: &[f32], y: usize) -> Vec<BlockSums> {
             block.squared += z * z;
             block.colour[0][k] += z_a;
             block.colour[1][k] += z_b;
-        }
-    }
-    let features = [(&band.a.albedo, &band.b.albedo), (&band.a.normal, &band.b.normal)];
-    for (a, b) in features.into_iter().filter_map(|(a, b)| a.as_ref().zip(b.as_ref())) {
-        for (a, b) in (0..a.channels()).map(|c| (a.row(c, y), b.row(c, y))) {
-            for x in (1..valid.len()).filter(|x| is_valid(x) && is_valid(&(x - 1))) {
-                let (a, b) = (f64::from(a[x]) - f64::from(a[x - 1]), f64::from(b[x]) - f64::from(b[x - 1]));
-                let products = [a * a, b * b, a * b];
-                let sums = sums[x / BLOCK].edges.iter_mut();
-                // A feature that is nowhere finite counts as absent.
-                sums.zip(products).filter(|(_, p)| p.is_finite()).for_each(|(sum, product)| *sum += product);
-            }
         }
     }
     sums

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | [`same_scene`] | whether both halves show the same things |
 //! | [`frame_stats`] | what is decided once for a frame: exposure, features in use |
-//! | [`independence`], `shared_noise`, [`trust`] | whether the halves are what they claim to be, and what is done about it |
+//! | [`independence`], `shared_noise`, [`alignment`], [`trust`] | whether the halves are what they claim to be, and what is done about it |
 //! | [`prepare`] | a frame in the method's units |
 //! | [`plan`] | what of the picture is computed |
 //! | [`start`] | a network's weights before training |
@@ -25,8 +25,10 @@
 //! | `unlike` | whether the model suits the frame |
 #![forbid(unsafe_code)]
 
+pub mod alignment;
 pub mod bands;
 mod blend_weight;
+mod block_sample;
 pub mod box_mean;
 pub mod compose;
 pub mod composition;

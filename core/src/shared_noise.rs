@@ -20,17 +20,13 @@
 //! left: texture of all frequencies at all places that no feature shows, as of fine leaves (0.08 at 16 samples a pixel,
 //! 0.36 at 64).
 
+use crate::block_sample::{AREA, Block, FEATURES, RESIDUALS};
 use crate::estimate::BLOCK;
 use rayon::prelude::*;
-use sspc_image::{Frame, Image};
 use std::f64::consts::PI;
 
-/// Blocks that are looked at, at most: enough for a standard error of 0.006.
-const MOST_BLOCKS: usize = 512;
 /// Blocks that a statement needs.
 const FEWEST_BLOCKS: usize = 40;
-/// Pixels of a block, and frequencies.
-const AREA: usize = BLOCK * BLOCK;
 /// u + v of the lowest frequency that counts: below, the denoiser follows the noise.
 const LOWEST: usize = 4;
 /// Part of the strongest frequency's noise below which one says nothing: a wide pixel filter leaves rounding errors there.
@@ -42,8 +38,6 @@ const BLOCKS: f64 = 0.25;
 const CLEAN: f64 = 0.95;
 /// Features by which colour is explained, one after the other.
 const ROUNDS: usize = 2;
-/// r^a and r^b of three channels, then albedo and normal of half a, then of half b.
-const PLANES: usize = 18;
 
 /// A correlation with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,110 +46,34 @@ pub(crate) struct SharedNoise {
     pub(crate) standard_error: f64,
 }
 
-/// Some of a picture's blocks, gathered from its bands from top to bottom.
-pub(crate) struct BlockSample {
-    /// Of 2³² blocks, this many are kept.
-    density: u64,
-    rows: usize,
-    blocks: Vec<Block>,
-}
-
-/// Pixels of a block that lies inside the picture.
-struct Block {
-    /// Its place among all blocks, row by row.
-    index: usize,
-    left: usize,
-    /// Rows so far.
-    rows: usize,
-    planes: Vec<f32>,
-}
-
-impl BlockSample {
-    /// Of a picture of that many pixels.
-    pub(crate) fn new(pixels: usize) -> Self {
-        let density = ((MOST_BLOCKS as u64) << 32) / (pixels / AREA).max(1) as u64;
-        Self { density, rows: 0, blocks: Vec::new() }
-    }
-
-    /// Looks at the next rows; `valid` `[1, H, W]` is 0 at missing pixels.
-    pub(crate) fn look(&mut self, band: &Frame, valid: &Image) {
-        for y in 0..band.height() {
-            if self.rows.is_multiple_of(BLOCK) {
-                self.start_blocks(band.width());
-            }
-            let unfinished = self.blocks.iter().rposition(|block| block.rows == BLOCK).map_or(0, |last| last + 1);
-            self.blocks[unfinished..].iter_mut().for_each(|block| block.add(band, valid.row(0, y), y));
-            self.rows += 1;
-        }
-    }
-
-    /// Begins the blocks of the next row of blocks, spread evenly by the golden ratio.
-    fn start_blocks(&mut self, width: usize) {
-        const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
-        self.blocks.retain(|block| block.rows == BLOCK);
-        let first = self.rows / BLOCK * width.div_ceil(BLOCK);
-        for column in 0..width / BLOCK {
-            let index = first + column;
-            if (index as u64).wrapping_mul(GOLDEN) >> 32 < self.density {
-                self.blocks.push(Block { index, left: column * BLOCK, rows: 0, planes: vec![0.0; PLANES * AREA] });
-            }
-        }
-    }
-
-    /// What the blocks say that `is_noisy`, by their place among all blocks; `None` of too few.
-    pub(crate) fn shared_noise(&self, is_noisy: impl Fn(usize) -> bool) -> Option<SharedNoise> {
+impl SharedNoise {
+    /// What blocks with noise say; `None` of too few.
+    pub(crate) fn of(blocks: &[&Block]) -> Option<Self> {
         let cosines = cosines();
-        let noisy: Vec<&Block> =
-            self.blocks.iter().filter(|block| block.rows == BLOCK && is_noisy(block.index)).collect();
-        let spectra: Vec<Spectrum> = noisy.par_iter().filter_map(|block| block.spectrum(&cosines)).collect();
+        let spectra: Vec<Spectrum> = blocks.par_iter().filter_map(|block| spectrum(block, &cosines)).collect();
         (spectra.len() >= FEWEST_BLOCKS).then(|| lowest(&spectra))
     }
 }
 
-impl Block {
-    /// Adds row `y` of a band.
-    fn add(&mut self, band: &Frame, valid: &[f32], y: usize) {
-        let (row, pixels) = (self.rows * BLOCK, self.left..self.left + BLOCK);
-        let halves = [&band.a, &band.b];
-        for (h, half) in halves.into_iter().enumerate() {
-            for c in 0..3 {
-                let out = &mut self.planes[(3 * h + c) * AREA + row..][..BLOCK];
-                let (y_row, z_row) = (half.radiance.row(c, y), half.denoised.row(c, y));
-                for (out, x) in out.iter_mut().zip(pixels.clone()) {
-                    *out = if valid[x] != 0.0 { y_row[x] - z_row[x] } else { 0.0 };
-                }
-            }
-            for (first, feature) in [(0, &half.albedo), (3, &half.normal)] {
-                let Some(feature) = feature else { continue };
-                for c in 0..feature.channels().min(3) {
-                    let out = &mut self.planes[(6 + 6 * h + first + c) * AREA + row..][..BLOCK];
-                    out.copy_from_slice(&feature.row(c, y)[pixels.clone()]);
-                }
-            }
-        }
-        self.rows += 1;
+/// A block by frequencies; `None` without noise.
+fn spectrum(block: &Block, cosines: &[[f32; BLOCK]; BLOCK]) -> Option<Spectrum> {
+    let largest = block.residuals().iter().fold(0.0f32, |most, r| most.max(r.abs()));
+    if !(largest > 0.0 && largest.is_finite()) {
+        return None;
     }
-
-    /// The block by frequencies; `None` without noise.
-    fn spectrum(&self, cosines: &[[f32; BLOCK]; BLOCK]) -> Option<Spectrum> {
-        let largest = self.planes[..6 * AREA].iter().fold(0.0f32, |most, r| most.max(r.abs()));
-        if !(largest > 0.0 && largest.is_finite()) {
-            return None;
+    let transformed = |planes: &[f32], scale: f32| -> Vec<[f32; AREA]> {
+        planes.chunks_exact(AREA).map(|plane| transform(plane, scale, cosines)).collect()
+    };
+    let mut residuals = transformed(block.residuals(), 1.0 / largest);
+    let features = transformed(block.features(), 1.0);
+    let (a, b) = residuals.split_at_mut(RESIDUALS);
+    let (features_a, features_b) = features.split_at(FEATURES);
+    for c in 0..RESIDUALS {
+        for _ in 0..ROUNDS {
+            explain([&mut a[c], &mut b[c]], [features_a, features_b], [c, 3, 4, 5]);
         }
-        let mut planes: Vec<[f32; AREA]> = Vec::with_capacity(PLANES);
-        for (i, plane) in self.planes.chunks_exact(AREA).enumerate() {
-            planes.push(transform(plane, if i < 6 { 1.0 / largest } else { 1.0 }, cosines));
-        }
-        let (residuals, features) = planes.split_at_mut(6);
-        let (a, b) = residuals.split_at_mut(3);
-        let (features_a, features_b) = features.split_at(6);
-        for c in 0..3 {
-            for _ in 0..ROUNDS {
-                explain([&mut a[c], &mut b[c]], [features_a, features_b], [c, 3, 4, 5]);
-            }
-        }
-        Spectrum::of(a, b)
     }
+    Spectrum::of(a, b)
 }
 
 /// cos(π (2 x + 1) u / 2 BLOCK), orthonormal: rows u, columns x.
@@ -285,10 +203,10 @@ fn lowest_of<T: Copy>(things: &[T], share: f64, value: impl Fn(&T) -> f64) -> Ve
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::box_mean::box_mean;
     use crate::independence::tests::{frame, measured};
     use crate::rng::Rng;
+    use sspc_image::{Frame, Image};
 
     /// Five standard errors of 192 blocks.
     const NEAR: f64 = 0.06;
@@ -348,20 +266,5 @@ mod tests {
             half.radiance = Image::from_fn(3, 192, 256, |c, y, x| wide.at(c, y, x) + 1e-3 * rounding.normal());
         }
         assert!(found(&frame) > 0.3, "{:?}", measured(&frame));
-    }
-
-    #[test]
-    fn of_a_large_picture_some_blocks_are_kept_all_over_it() {
-        let band = Frame { denoised: None, ..frame(0.0, |_, _| 0.0) };
-        let mut sample = BlockSample::new(40 * 192 * 256);
-        let valid = Image::filled(1, 192, 256, 1.0);
-        (0..40).for_each(|_| sample.look(&band, &valid));
-        assert!(
-            (MOST_BLOCKS * 9 / 10..=MOST_BLOCKS * 11 / 10).contains(&sample.blocks.len()),
-            "{}",
-            sample.blocks.len()
-        );
-        let columns: std::collections::BTreeSet<usize> = sample.blocks.iter().map(|block| block.left).collect();
-        assert_eq!(columns.len(), 16);
     }
 }

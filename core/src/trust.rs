@@ -12,6 +12,7 @@
 //! to everything. At ρ = 0.3 two interiors came out at 0.68 and 0.75 of the denoiser's error where they were 1.0 and 1.7,
 //! a small scene with caustics at 1.3 to 1.7.)
 
+use crate::alignment::Alignment;
 use crate::frame_stats::FrameStats;
 use crate::independence::Independence;
 use std::fmt;
@@ -25,8 +26,9 @@ pub const TEXTURED: (f64, f64) = (0.15, 0.4);
 pub const BRIGHTNESS_DIFFERS: f64 = 0.08;
 /// Energy of one half's residual over the other's beyond which one of them is no render: a filter takes away more.
 pub const NOISE_DIFFERS: f64 = 12.0;
-/// Correlation of the halves' edges of albedo and normal below which they are of different pictures.
-pub const EDGES_DIFFER: f64 = 0.5;
+/// Correlation of the halves' edges of albedo and normal between cells below which they are of different pictures, where
+/// none is seen between pixels.
+pub const EDGES_DIFFER: f64 = 0.3;
 
 /// What may be made of a frame's halves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +52,8 @@ pub enum Distrust {
     Noise(f64),
     /// Correlation of their edges of albedo and normal.
     Edges(f64),
+    /// Half b lies so many pixels to the right of and below half a.
+    Moved([i32; 2]),
 }
 
 impl Trust {
@@ -91,8 +95,13 @@ impl Trust {
 }
 
 fn different_pictures(found: &Independence) -> Option<Distrust> {
-    if let Some(r) = found.edges.filter(|r| *r < EDGES_DIFFER) {
-        return Some(Distrust::Edges(r));
+    if let Some(Alignment { seen, cells, offset, .. }) = found.alignment {
+        if offset != [0, 0] {
+            return Some(Distrust::Moved(offset));
+        }
+        if !seen && cells < EDGES_DIFFER {
+            return Some(Distrust::Edges(cells));
+        }
     }
     if found.noise_ratio > NOISE_DIFFERS || found.noise_ratio < 1.0 / NOISE_DIFFERS {
         return Some(Distrust::Noise(found.noise_ratio));
@@ -122,6 +131,10 @@ impl fmt::Display for Distrust {
                 f,
                 "the edges of the halves' albedo and normal lie in different places (correlation {r:.2}, expected above {EDGES_DIFFER}): they are of different frames or geometry"
             ),
+            Distrust::Moved([right, down]) => write!(
+                f,
+                "half b lies {right:+} pixels to the right of half a and {down:+} below it, by the edges of albedo and normal: render both with one camera and window"
+            ),
         }
     }
 }
@@ -143,7 +156,7 @@ mod tests {
             standard_error: 0.01,
             noise_ratio: 1.1,
             brightness: [1.01, 0.99, 1.0],
-            edges: Some(0.8),
+            alignment: Some(Alignment { edges: 0.8, seen: true, cells: 0.9, offset: [0, 0] }),
             ..Independence::default()
         }
     }
@@ -157,7 +170,7 @@ mod tests {
         };
         assert_eq!(of(&|_| ()), Trust::Independent);
         assert_eq!(of(&|f| f.correlation = None), Trust::Independent);
-        assert_eq!(of(&|f| f.edges = None), Trust::Independent);
+        assert_eq!(of(&|f| f.alignment = None), Trust::Independent);
         let correlated = |r: f64| of(&|f| f.correlation = Some(r));
         assert_eq!([0.07, -0.08].map(correlated), [Trust::Independent; 2]);
         assert_eq!([0.09, -0.1, 0.9].map(correlated), [0.09, -0.1, 0.9].map(|r| Trust::None(Distrust::Correlated(r))));
@@ -169,7 +182,10 @@ mod tests {
         };
         assert_eq!([0.15, 0.3].map(textured), [Trust::Independent, Trust::SharedNoise(0.3)]);
         assert_eq!(textured(0.5), Trust::None(Distrust::Correlated(0.5)));
-        assert_eq!(of(&|f| f.edges = Some(0.3)), Trust::None(Distrust::Edges(0.3)));
+        let aligned = |seen, cells, offset| of(&|f| f.alignment = Some(Alignment { edges: 0.1, seen, cells, offset }));
+        assert_eq!(aligned(false, 0.2, [0, 0]), Trust::None(Distrust::Edges(0.2)));
+        assert_eq!([aligned(true, 0.2, [0, 0]), aligned(false, 0.5, [0, 0])], [Trust::Independent; 2]);
+        assert_eq!(aligned(true, 0.8, [0, 1]), Trust::None(Distrust::Moved([0, 1])));
         assert_eq!([4.0, 0.25].map(|ratio| of(&|f| f.noise_ratio = ratio)), [Trust::Independent; 2]);
         assert_eq!(
             [13.0, 0.05].map(|r| of(&|f| f.noise_ratio = r)),

@@ -106,11 +106,23 @@ fn halves_of_different_pictures_are_not_mixed() {
     denoised.b.radiance = mixed(&denoised.b.radiance, &denoised.b.denoised, 0.9);
     assert!(matches!(trust(&denoised), Trust::None(Distrust::Noise(r)) if r > 12.0), "{:?}", trust(&denoised));
 
-    let mut moved = whole_sample();
-    let (height, width) = (moved.height(), moved.width());
-    let shifted = |image: &Image| Image::from_fn(3, height, width, |c, y, x| image.at(c, y, (x + 3) % width));
-    moved.b.albedo = moved.b.albedo.as_ref().map(shifted);
-    moved.b.normal = moved.b.normal.as_ref().map(shifted);
-    assert!(matches!(trust(&moved), Trust::None(Distrust::Edges(_))), "{:?}", trust(&moved));
-    [brighter, denoised, moved].iter().for_each(assert_is_the_denoisers);
+    let (height, width) = (brighter.height(), brighter.width());
+    let with_features = |of: &dyn Fn(usize, usize) -> (usize, usize)| {
+        let mut frame = whole_sample();
+        let changed = |image: &Image| {
+            Image::from_fn(3, height, width, |c, y, x| {
+                let (y, x) = of(y, x);
+                image.at(c, y, x)
+            })
+        };
+        frame.b.albedo = frame.b.albedo.as_ref().map(changed);
+        frame.b.normal = frame.b.normal.as_ref().map(changed);
+        frame
+    };
+    let moved = with_features(&|y, x| ((y + height - 1) % height, (x + 1) % width));
+    assert_eq!(trust(&moved), Trust::None(Distrust::Moved([-1, 1])));
+    let other = with_features(&|y, x| (y, width - 1 - x));
+    let found = trust(&other);
+    assert!(matches!(found, Trust::None(Distrust::Edges(_) | Distrust::Moved(_))), "{found:?}");
+    [brighter, denoised, moved, other].iter().for_each(assert_is_the_denoisers);
 }
