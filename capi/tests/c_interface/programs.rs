@@ -1,0 +1,98 @@
+//! C programs, compiled with the header against the shared library under the sanitizers of `cc`, and run.
+
+use crate::files::{Files, model, read};
+use sspc_image::Image;
+use sspc_kernels::parameters::Form;
+use sspc_testkit::skips::skipped;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SANITIZERS: &str = "-fsanitize=address,undefined";
+
+/// Compiles a program of this folder, under the sanitizers where `cc` has them; `None`, said aloud, without `cc`.
+fn compiled(folder: &Path, source: &str) -> Option<PathBuf> {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    // Beside the tests lies what was built for them.
+    let test = std::env::current_exe().expect("a path");
+    let libraries = test.parent().expect("a folder");
+    let program = folder.join("program");
+    let compile = |more: &[&str]| {
+        let mut cc = Command::new("cc");
+        cc.args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g"]).args(more);
+        cc.arg(own.join(source)).arg("-I").arg(own.join("include")).arg("-L").arg(libraries);
+        let rpath = format!("-Wl,-rpath,{}", libraries.display());
+        cc.args(["-lsspc", "-lm"]).arg(rpath).arg("-o").arg(&program).output()
+    };
+    let checked = match compile(&[SANITIZERS, "-fno-sanitize-recover=all"]) {
+        Ok(checked) => checked,
+        Err(error) => {
+            skipped(source, &format!("cc: {error}"));
+            return None;
+        }
+    };
+    if !checked.status.success() {
+        let plain = compile(&[]).expect("cc");
+        assert!(plain.status.success(), "{}", text(&plain.stderr));
+        skipped("sanitizers", &text(&checked.stderr));
+    }
+    Some(program)
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn run(program: &Path, arguments: &[&Path]) -> Output {
+    Command::new(program).args(arguments).output().expect("the program")
+}
+
+/// Writes a picture as little-endian PFM, the bottom row first.
+fn write_pfm(path: &Path, picture: &Image) {
+    let mut bytes = format!("PF\n{} {}\n-1.0\n", picture.width(), picture.height()).into_bytes();
+    for (y, x) in (0..picture.height()).rev().flat_map(|y| (0..picture.width()).map(move |x| (y, x))) {
+        (0..3).for_each(|c| bytes.extend(picture.at(c, y, x).to_le_bytes()));
+    }
+    fs::write(path, bytes).expect("a file");
+}
+
+#[test]
+fn the_example_gives_the_program_s_picture() {
+    let files = Files::write();
+    let Some(program) = compiled(files.folder.path(), "examples/correct.c") else { return };
+    let path = |name: &str| files.folder.path().join(name);
+    for name in ["a", "b", "za", "zb"] {
+        write_pfm(&path(name).with_extension("pfm"), &files.read(name));
+    }
+    let denoised = Image::mean_of(&files.read("za"), &files.read("zb"));
+    write_pfm(&path("z.pfm"), &denoised);
+    sspc_testkit::exr_parts::write_picture(&path("z.exr"), &denoised);
+
+    let model = files.model(&model(Form::Gated, 1));
+    let inputs = ["out.pfm", "a.pfm", "b.pfm", "za.pfm", "zb.pfm", "z.pfm"].map(path);
+    let arguments: Vec<&Path> = [model.as_path()].into_iter().chain(inputs.iter().map(PathBuf::as_path)).collect();
+    let done = run(&program, &arguments);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("100 %") && text(&done.stdout).starts_with("estimated relL2"));
+
+    let denoised = ["--denoised".to_string(), path("z.exr").display().to_string()];
+    let (expected, _) = files.run(&model, &denoised);
+    write_pfm(&path("expected.pfm"), &expected);
+    let bytes = |name: &str| fs::read(path(name)).expect("a file");
+    assert!(bytes("out.pfm") == bytes("expected.pfm"));
+    assert!(expected != read(&path("z.exr")), "something was corrected");
+
+    // A frame that it makes up, and a model that is none.
+    assert!(run(&program, &[&model, &path("own.pfm")]).status.success() && bytes("own.pfm").len() > 3 * 4 * 192 * 256);
+    let refused = run(&program, &[&path("a.pfm"), &path("own.pfm")]);
+    assert_eq!(refused.status.code(), Some(3), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("not an ONNX file"));
+}
+
+#[test]
+fn misuse_is_refused_and_nothing_leaks() {
+    let files = Files::write();
+    let Some(program) = compiled(files.folder.path(), "tests/c_interface/misuse.c") else { return };
+    let done = run(&program, &[&files.model(&model(Form::Gated, 1))]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+}
