@@ -87,7 +87,8 @@ static SspcInput input(const Film *film, int which) {
 
 static int progress(void *user, double done) {
     int percent = (int)(100 * done), *last = user;
-    if (percent >= *last + 10) fprintf(stderr, "%d %%\n", *last = percent);
+    if (percent / 10 > *last / 10) fprintf(stderr, "%d %%\n", percent);
+    *last = percent;
     return 0; /* Anything else stops it. */
 }
 

@@ -66,7 +66,7 @@ impl Files {
     }
 }
 
-pub fn read(path: &Path) -> Image {
+fn read(path: &Path) -> Image {
     read_picture(path, None).expect("a picture")
 }
 
