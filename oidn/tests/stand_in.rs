@@ -3,9 +3,7 @@
 
 use sspc_image::Image;
 use sspc_oidn::{Mode, Oidn, OidnError, Picture, Quality, Rows, Run};
-use sspc_testkit::skips::skipped;
-use std::path::Path;
-use std::process::Command;
+use sspc_testkit::c_programs::oidn_stand_in;
 use tempfile::TempDir;
 
 const RUN: Run = Run { quality: Quality::High, max_memory: 64, asked_to_stop: || false };
@@ -15,19 +13,8 @@ const WIDTH: usize = 9;
 /// The stand-in with this fault, opened; `None`, said aloud, without `cc`.
 fn opened(fault: &str) -> Option<(TempDir, Result<Oidn, OidnError>)> {
     let folder = tempfile::tempdir().expect("a folder");
-    let library = folder.path().join("libOpenImageDenoise.so.2");
-    let mut cc = Command::new("cc");
-    cc.args(["-std=c99", "-shared", "-fPIC", "-O1", "-Wall", "-Werror"]).arg(format!("-DSTAND_IN={fault}"));
-    cc.arg("-o").arg(&library).arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stand_in.c"));
-    match cc.output() {
-        Ok(done) => assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr)),
-        Err(error) => {
-            skipped("a stand-in for the library", &format!("cc: {error}"));
-            return None;
-        }
-    }
-    let opened = Oidn::open(&library, 1);
-    Some((folder, opened))
+    let library = oidn_stand_in(folder.path(), fault)?;
+    Some((folder, Oidn::open(&library, 1)))
 }
 
 fn colour() -> Image {

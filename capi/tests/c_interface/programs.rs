@@ -3,9 +3,11 @@
 use crate::files::{Files, model};
 use sspc_image::{Frame, Image};
 use sspc_kernels::parameters::Form;
+use sspc_testkit::c_programs::cc;
 use sspc_testkit::exr_parts::write_picture;
 use sspc_testkit::frames::whole_sample;
 use sspc_testkit::skips::skipped;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -19,22 +21,17 @@ fn compiled(folder: &Path, source: &str) -> Option<PathBuf> {
     let test = std::env::current_exe().expect("a path");
     let libraries = test.parent().expect("a folder");
     let program = folder.join("program");
+    let rpath = format!("-Wl,-rpath,{}", libraries.display());
+    let [source_file, include] = [source, "include"].map(|path| own.join(path));
     let compile = |more: &[&str]| {
-        let mut cc = Command::new("cc");
-        cc.args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g"]).args(more);
-        cc.arg(own.join(source)).arg("-I").arg(own.join("include")).arg("-L").arg(libraries);
-        let rpath = format!("-Wl,-rpath,{}", libraries.display());
-        cc.args(["-lsspc", "-lm"]).arg(rpath).arg("-o").arg(&program).output()
+        let flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g"].iter().chain(more).map(OsStr::new);
+        let files = [source_file.as_os_str(), OsStr::new("-I"), include.as_os_str(), OsStr::new("-L")];
+        let linked = [libraries.as_os_str(), OsStr::new("-lsspc"), OsStr::new("-lm"), OsStr::new(&rpath)];
+        cc(source, flags.chain(files).chain(linked).chain([OsStr::new("-o"), program.as_os_str()]))
     };
-    let checked = match compile(&[SANITIZERS, "-fno-sanitize-recover=all"]) {
-        Ok(checked) => checked,
-        Err(error) => {
-            skipped(source, &format!("cc: {error}"));
-            return None;
-        }
-    };
+    let checked = compile(&[SANITIZERS, "-fno-sanitize-recover=all"])?;
     if !checked.status.success() {
-        let plain = compile(&[]).expect("cc");
+        let plain = compile(&[])?;
         assert!(plain.status.success(), "{}", text(&plain.stderr));
         skipped("sanitizers", &text(&checked.stderr));
     }
