@@ -80,8 +80,8 @@ static SspcInput input(const Film *film, int which) {
     SspcInput input = {0};
     ptrdiff_t row = (ptrdiff_t)(film->width * sizeof(Pixel));
     input.data = film->pixels[(size_t)(film->height - 1) * film->width].colour[which];
-    input.pixel_stride = sizeof(Pixel);
-    input.row_stride = -row;
+    input.layout.pixel_stride = sizeof(Pixel);
+    input.layout.row_stride = -row;
     return input;
 }
 
@@ -133,7 +133,7 @@ int main(int argc, char **argv) {
     SspcPicture picture = sspc_picture();
     ptrdiff_t row = (ptrdiff_t)(film.width * 3 * sizeof(float));
     picture.picture.data = values + (size_t)(film.height - 1) * film.width * 3;
-    picture.picture.row_stride = -row;
+    picture.picture.layout.row_stride = -row;
 
     check(sspc_correct(model, &frame, &options, &picture));
     printf("estimated relL2: %.5f denoised, %.5f corrected\n", picture.error_denoised.value, picture.error_corrected.value);

@@ -67,14 +67,12 @@ typedef struct SspcModelInfo {
     uint32_t visibility;
 } SspcModelInfo;
 
-// A picture of the caller's that is read. Channel c of the pixel in column x of row y, counted from the top, lies at
+// How a picture lies in memory. Channel c of the pixel in column x of row y, counted from the top, lies at
 // `data + y * row_stride + x * pixel_stride + c * channel_stride`; values need no alignment. Strides are bytes and may be
 // negative. 0 stands for packed: a `channel_stride` of one value, a `pixel_stride` of as many values as the picture has
-// channels, a `row_stride` of as many pixels as a row has. So a packed RGB picture needs no strides, RGBA a `pixel_stride`
-// of 4 values, and planes a `pixel_stride` of one value and a `channel_stride` of `width * height` values.
-typedef struct SspcInput {
-    // The first row's first pixel; NULL where there is no such picture.
-    const void *data;
+// channels, a `row_stride` of as many pixels as a row has. So packed RGB floats are all zero, RGBA has a `pixel_stride` of 4
+// values, and planes have a `pixel_stride` of one value and a `channel_stride` of `width * height` values.
+typedef struct SspcLayout {
     // Bytes from a pixel to the next of its row; 0 for packed.
     ptrdiff_t pixel_stride;
     // Bytes from a row to the one below; 0 for packed.
@@ -85,6 +83,14 @@ typedef struct SspcInput {
     uint32_t value_type;
     // 0.
     uint32_t reserved;
+} SspcLayout;
+
+// A picture of the caller's that is read.
+typedef struct SspcInput {
+    // The first row's first pixel; NULL where there is no such picture.
+    const void *data;
+    // How it lies.
+    struct SspcLayout layout;
 } SspcInput;
 
 // A further denoised picture of the same samples, e.g. by another denoiser; 3 channels each.
@@ -155,21 +161,13 @@ typedef struct SspcOptions {
     void *user;
 } SspcOptions;
 
-// A picture of the caller's that is written; laid out as SspcInput. Bytes between its values are left alone. It may be one
-// of the inputs: all of them are read before anything is written.
+// A picture of the caller's that is written. Bytes between its values are left alone. It may be one of the inputs: all of
+// them are read before anything is written.
 typedef struct SspcOutput {
     // The first row's first pixel; NULL where it is not wanted.
     void *data;
-    // Bytes from a pixel to the next of its row; 0 for packed.
-    ptrdiff_t pixel_stride;
-    // Bytes from a row to the one below; 0 for packed.
-    ptrdiff_t row_stride;
-    // Bytes from a channel of a pixel to the next; 0 for packed.
-    ptrdiff_t channel_stride;
-    // SSPC_FLOAT32 or SSPC_FLOAT16.
-    uint32_t value_type;
-    // 0.
-    uint32_t reserved;
+    // How it lies.
+    struct SspcLayout layout;
 } SspcOutput;
 
 // A mean over the picture.

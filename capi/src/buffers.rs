@@ -1,7 +1,9 @@
 //! The caller's buffers to planar images, and back.
 
 use crate::outcome::nonsense;
-use crate::types::{SSPC_FLOAT16, SSPC_FLOAT32, SSPC_MAX_PIXELS, SSPC_MAX_SIDE, SspcFrame, SspcInput, SspcOutput};
+use crate::types::{
+    SSPC_FLOAT16, SSPC_FLOAT32, SSPC_MAX_PIXELS, SSPC_MAX_SIDE, SspcFrame, SspcInput, SspcLayout, SspcOutput,
+};
 use half::f16;
 use sspc_cli::Failure;
 use sspc_image::Image;
@@ -46,20 +48,20 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(name: &str, channels: usize, size: Size, input: &SspcInput) -> Result<Self, Failure> {
-        let of = |field: &str| format!("{name}.{field}");
-        let value = match input.value_type {
+    fn new(name: &str, channels: usize, size: Size, given: &SspcLayout) -> Result<Self, Failure> {
+        let of = |field: &str| format!("{name}.layout.{field}");
+        let value = match given.value_type {
             SSPC_FLOAT32 => size_of::<f32>(),
             SSPC_FLOAT16 => size_of::<f16>(),
             other => return Err(nonsense(&of("value_type"), "SSPC_FLOAT32 or SSPC_FLOAT16", other, "")),
         };
-        if input.reserved != 0 {
-            return Err(nonsense(&of("reserved"), "0", input.reserved, "set what is not used to zero"));
+        if given.reserved != 0 {
+            return Err(nonsense(&of("reserved"), "0", given.reserved, "set what is not used to zero"));
         }
         let or = |stride: isize, packed: i128| if stride == 0 { packed } else { stride as i128 };
-        let channel = or(input.channel_stride, value as i128);
-        let pixel = or(input.pixel_stride, (channels * value) as i128);
-        let row = or(input.row_stride, size.width as i128 * pixel);
+        let channel = or(given.channel_stride, value as i128);
+        let pixel = or(given.pixel_stride, (channels * value) as i128);
+        let row = or(given.row_stride, size.width as i128 * pixel);
         let strides = [pixel, row, channel];
         let steps = [size.width, size.height, channels].map(|count| count as i128 - 1);
         // No sum of some of these can be farther away.
@@ -99,7 +101,7 @@ impl Given {
     /// # Errors
     /// Types and strides that make no sense.
     pub fn of(name: &str, channels: usize, size: Size, input: &SspcInput) -> Result<Option<Self>, Failure> {
-        let layout = Layout::new(name, channels, size, input)?;
+        let layout = Layout::new(name, channels, size, &input.layout)?;
         Ok((!input.data.is_null()).then(|| Self { data: input.data.cast(), layout }))
     }
 
@@ -147,10 +149,8 @@ impl Wanted {
     /// # Errors
     /// Types and strides that make no sense.
     pub fn of(name: &str, channels: usize, size: Size, output: &SspcOutput) -> Result<Option<Self>, Failure> {
-        let &SspcOutput { data, pixel_stride, row_stride, channel_stride, value_type, reserved } = output;
-        let as_input = SspcInput { data, pixel_stride, row_stride, channel_stride, value_type, reserved };
-        let layout = Layout::new(name, channels, size, &as_input)?;
-        Ok((!data.is_null()).then(|| Self { data: data.cast(), layout }))
+        let layout = Layout::new(name, channels, size, &output.layout)?;
+        Ok((!output.data.is_null()).then(|| Self { data: output.data.cast(), layout }))
     }
 
     /// Writes the values of an image `[channels, H, W]`.

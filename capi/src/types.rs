@@ -29,16 +29,14 @@ pub const SSPC_MAX_SIDE: u32 = 65536;
 /// Most pixels of a picture.
 pub const SSPC_MAX_PIXELS: u64 = 268435456;
 
-/// A picture of the caller's that is read. Channel c of the pixel in column x of row y, counted from the top, lies at
+/// How a picture lies in memory. Channel c of the pixel in column x of row y, counted from the top, lies at
 /// `data + y * row_stride + x * pixel_stride + c * channel_stride`; values need no alignment. Strides are bytes and may be
 /// negative. 0 stands for packed: a `channel_stride` of one value, a `pixel_stride` of as many values as the picture has
-/// channels, a `row_stride` of as many pixels as a row has. So a packed RGB picture needs no strides, RGBA a `pixel_stride`
-/// of 4 values, and planes a `pixel_stride` of one value and a `channel_stride` of `width * height` values.
+/// channels, a `row_stride` of as many pixels as a row has. So packed RGB floats are all zero, RGBA has a `pixel_stride` of 4
+/// values, and planes have a `pixel_stride` of one value and a `channel_stride` of `width * height` values.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
-pub struct SspcInput {
-    /// The first row's first pixel; NULL where there is no such picture.
-    pub data: *const c_void,
+pub struct SspcLayout {
     /// Bytes from a pixel to the next of its row; 0 for packed.
     pub pixel_stride: isize,
     /// Bytes from a row to the one below; 0 for packed.
@@ -51,23 +49,25 @@ pub struct SspcInput {
     pub reserved: u32,
 }
 
-/// A picture of the caller's that is written; laid out as SspcInput. Bytes between its values are left alone. It may be one
-/// of the inputs: all of them are read before anything is written.
+/// A picture of the caller's that is read.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct SspcInput {
+    /// The first row's first pixel; NULL where there is no such picture.
+    pub data: *const c_void,
+    /// How it lies.
+    pub layout: SspcLayout,
+}
+
+/// A picture of the caller's that is written. Bytes between its values are left alone. It may be one of the inputs: all of
+/// them are read before anything is written.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct SspcOutput {
     /// The first row's first pixel; NULL where it is not wanted.
     pub data: *mut c_void,
-    /// Bytes from a pixel to the next of its row; 0 for packed.
-    pub pixel_stride: isize,
-    /// Bytes from a row to the one below; 0 for packed.
-    pub row_stride: isize,
-    /// Bytes from a channel of a pixel to the next; 0 for packed.
-    pub channel_stride: isize,
-    /// SSPC_FLOAT32 or SSPC_FLOAT16.
-    pub value_type: u32,
-    /// 0.
-    pub reserved: u32,
+    /// How it lies.
+    pub layout: SspcLayout,
 }
 
 /// A further denoised picture of the same samples, e.g. by another denoiser; 3 channels each.

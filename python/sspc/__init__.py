@@ -187,9 +187,9 @@ class Model:
     ) -> Result[Array]:
         """Corrects a frame, as `sspc-infer run` does: the one that the model was fitted to, or another of the shot.
 
-        Arrays are as for `fit`, with as many in `denoised_more` as the model was fitted with; `strength` is the share of
-        the correction that is added to the denoiser's picture. The results are arrays of the kind that `a` is, where it
-        can be told, else NumPy's.
+        Arrays are as for `fit`, `denoised_more` with as many as there; `strength` is the share of the correction that
+        is added to the denoiser's picture. The results are arrays of the kind that `a` is, where it can be told, else
+        NumPy's.
 
         Raises `Error`; warns of what a person should know by `FrameWarning`.
         """

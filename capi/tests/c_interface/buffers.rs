@@ -1,7 +1,7 @@
 //! Pictures laid out as hosts keep them.
 
 use half::f16;
-use sspc::types::{SSPC_FLOAT16, SSPC_FLOAT32, SspcInput, SspcOutput};
+use sspc::types::{SSPC_FLOAT16, SSPC_FLOAT32, SspcInput, SspcLayout, SspcOutput};
 use sspc_image::Image;
 use std::ptr;
 
@@ -82,23 +82,22 @@ impl Laid {
     }
 
     pub fn input(&self) -> SspcInput {
-        let (first, [pixel_stride, row_stride, channel_stride]) = (self.first(), self.strides());
-        let data = self.bytes[first..].as_ptr().cast();
-        SspcInput { data, pixel_stride, row_stride, channel_stride, value_type: self.value_type(), reserved: 0 }
+        SspcInput { data: self.bytes[self.first()..].as_ptr().cast(), layout: self.layout() }
     }
 
     pub fn output(&mut self) -> SspcOutput {
-        let (first, [pixel_stride, row_stride, channel_stride]) = (self.first(), self.strides());
-        let data = ptr::from_mut(&mut self.bytes[first]).cast();
-        SspcOutput { data, pixel_stride, row_stride, channel_stride, value_type: self.value_type(), reserved: 0 }
+        let (first, layout) = (self.first(), self.layout());
+        SspcOutput { data: ptr::from_mut(&mut self.bytes[first]).cast(), layout }
     }
 
     fn value(&self) -> usize {
         if self.layout.half { 2 } else { 4 }
     }
 
-    fn value_type(&self) -> u32 {
-        if self.layout.half { SSPC_FLOAT16 } else { SSPC_FLOAT32 }
+    fn layout(&self) -> SspcLayout {
+        let [pixel_stride, row_stride, channel_stride] = self.strides();
+        let value_type = if self.layout.half { SSPC_FLOAT16 } else { SSPC_FLOAT32 };
+        SspcLayout { pixel_stride, row_stride, channel_stride, value_type, reserved: 0 }
     }
 
     /// Bytes from a pixel, row, channel to the next, upwards in memory.

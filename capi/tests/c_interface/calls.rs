@@ -84,11 +84,14 @@ fn arguments_that_make_no_sense_are_refused() {
         (|frame, _, _| frame.height = SSPC_MAX_SIDE + 1, "found 75 x 65537"),
         (|frame, _, _| frame.struct_size = 8, "frame.struct_size: expected at least 472, found 8"),
         (
-            |frame, _, _| frame.albedo_b.value_type = 7,
-            "albedo_b.value_type: expected SSPC_FLOAT32 or SSPC_FLOAT16, found 7",
+            |frame, _, _| frame.albedo_b.layout.value_type = 7,
+            "albedo_b.layout.value_type: expected SSPC_FLOAT32 or SSPC_FLOAT16, found 7",
         ),
-        (|frame, _, _| frame.denoised.reserved = 1, "denoised.reserved: expected 0, found 1"),
-        (|frame, _, _| frame.a.row_stride = isize::MIN, "a.row_stride: expected values within the memory of a process"),
+        (|frame, _, _| frame.denoised.layout.reserved = 1, "denoised.layout.reserved: expected 0, found 1"),
+        (
+            |frame, _, _| frame.a.layout.row_stride = isize::MIN,
+            "a.layout.row_stride: expected values within the memory of a process",
+        ),
         (|frame, _, _| frame.denoised_more_count = 2, "denoised_more: expected 2 pictures, found NULL"),
         (|_, options, _| options.threads = 5000, "threads: expected 0 to 1024, found 5000"),
         (|_, options, _| options.strength = f32::NAN, "strength NaN: expected a number from 0 to 1"),
