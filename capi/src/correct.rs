@@ -4,8 +4,8 @@ use crate::buffers::{Given, Size, Wanted};
 use crate::model::{SspcModel, present};
 use crate::outcome::{nonsense, outcome};
 use crate::sized;
+use crate::threads::Threads;
 use crate::types::{SspcDenoised, SspcFrame, SspcInput, SspcMean, SspcOptions, SspcPicture};
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use sspc_arrays::correct::{CorrectedFrame, correct_frame};
 use sspc_arrays::frame::{GivenFrame, PICTURES, name};
 use sspc_arrays::watch::{Watch, watched};
@@ -16,9 +16,6 @@ use sspc_image::{Buffer, DenoisedVariant, Role};
 use sspc_onnx::{MAX_NETWORKS, Model};
 use std::ffi::c_int;
 use std::slice;
-
-/// Most threads that can be asked for.
-const MAX_THREADS: u32 = 1024;
 
 /// Corrects a frame, as `sspc-infer run` does: the same pixels, bit for bit. `options` may be NULL: strength 1, all cores.
 /// Where it does not return SSPC_OK, nothing was written to the buffers.
@@ -51,12 +48,13 @@ pub unsafe extern "C" fn sspc_correct(
             (given, Job::new(&frame, &given)?)
         };
         job.check_memory()?;
-        let CorrectedFrame { corrected, report } = in_pool(options.threads, |pool| {
-            // SAFETY: the callback is a function of the caller's, which it may be called with.
-            let tell = |done| options.progress.is_some_and(|progress| unsafe { progress(options.user, done) } != 0);
-            // SAFETY: the caller's promise.
-            watched(Some(pool), tell, |watch| unsafe { job.run(model, options.strength, watch) })
-        })??;
+        // SAFETY: the callback is a function of the caller's, which it may be called with.
+        let tell = |done| options.progress.is_some_and(|progress| unsafe { progress(options.user, done) } != 0);
+        let threads = Threads::start(options.threads)?;
+        // SAFETY: the caller's promise.
+        let work = |watch: &Watch| unsafe { job.run(model, options.strength, watch) };
+        let CorrectedFrame { corrected, report } = watched(threads.pool(), tell, work)?;
+        drop(threads);
         let said = told(given, &corrected, report.warnings().len());
         let text = serde_json::to_string(&report)
             .map_err(|error| Failure::new(Code::Run, format!("cannot write the report: {error}"), ""))?;
@@ -201,17 +199,4 @@ fn told(given: SspcPicture, corrected: &Corrected, warnings: usize) -> SspcPictu
         warnings: u32::try_from(warnings).unwrap_or(u32::MAX),
         ..given
     }
-}
-
-/// Threads of a call's own, which have ended when it returns: a host may unload the library, or fork, at any time between
-/// calls.
-fn in_pool<T>(threads: u32, work: impl FnOnce(&ThreadPool) -> T) -> Result<T, Failure> {
-    if threads > MAX_THREADS {
-        return Err(nonsense("threads", &format!("0 to {MAX_THREADS}"), threads, "0 asks for one on each core"));
-    }
-    let pool = ThreadPoolBuilder::new().num_threads(threads as usize);
-    pool.build_scoped(|thread| thread.run(), work).map_err(|error| {
-        let asked = if threads == 0 { "threads".to_string() } else { format!("{threads} threads") };
-        Failure::new(Code::Run, format!("cannot start {asked}: {error}"), "ask for fewer")
-    })
 }

@@ -8,6 +8,7 @@
 //! | [`buffers`] | the caller's buffers to planar images, and back |
 //! | [`outcome`] | error codes and texts; no panic leaves the library |
 //! | [`model`] | models: loaded, described, freed |
+//! | [`threads`] | threads of a call's own |
 //! | [`correct`] | a frame corrected |
 
 pub mod buffers;
@@ -15,4 +16,5 @@ pub mod correct;
 pub mod model;
 pub mod outcome;
 pub mod sized;
+pub mod threads;
 pub mod types;

@@ -14,19 +14,30 @@ use std::process::{Command, Output};
 
 const SANITIZERS: &str = "-fsanitize=address,undefined";
 
+/// Where the tests lie, and what was built for them.
+fn libraries() -> PathBuf {
+    let test = std::env::current_exe().expect("a path");
+    test.parent().expect("a folder").to_path_buf()
+}
+
 /// Compiles a program of this folder, under the sanitizers where `cc` has them; `None`, said aloud, without `cc`.
 fn compiled(folder: &Path, source: &str) -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    // Beside the tests lies what was built for them.
-    let test = std::env::current_exe().expect("a path");
-    let libraries = test.parent().expect("a folder");
+    let libraries = libraries();
     let program = folder.join("program");
     let rpath = format!("-Wl,-rpath,{}", libraries.display());
     let [source_file, include] = [source, "include"].map(|path| own.join(path));
     let compile = |more: &[&str]| {
         let flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g"].iter().chain(more).map(OsStr::new);
         let files = [source_file.as_os_str(), OsStr::new("-I"), include.as_os_str(), OsStr::new("-L")];
-        let linked = [libraries.as_os_str(), OsStr::new("-lsspc"), OsStr::new("-lm"), OsStr::new(&rpath)];
+        let linked = [
+            libraries.as_os_str(),
+            OsStr::new("-Wl,--as-needed"),
+            OsStr::new("-lsspc"),
+            OsStr::new("-lm"),
+            OsStr::new("-ldl"),
+            OsStr::new(&rpath),
+        ];
         cc(source, flags.chain(files).chain(linked).chain([OsStr::new("-o"), program.as_os_str()]))
     };
     let checked = compile(&[SANITIZERS, "-fno-sanitize-recover=all"])?;
@@ -86,6 +97,14 @@ fn the_example_gives_the_program_s_picture() {
     let refused = run(&program, &[&path("a.pfm"), &path("own.pfm")]);
     assert_eq!(refused.status.code(), Some(3), "{}", text(&refused.stderr));
     assert!(text(&refused.stderr).contains("not an ONNX file"));
+}
+
+#[test]
+fn nothing_lives_on_when_the_library_is_closed() {
+    let files = Files::write();
+    let Some(program) = compiled(files.folder.path(), "tests/c_interface/reload.c") else { return };
+    let done = run(&program, &[&libraries().join("libsspc.so"), &files.model(&model(Form::Gated, 1))]);
+    assert!(done.status.success(), "{:?} {}", done.status, text(&done.stderr));
 }
 
 #[test]
