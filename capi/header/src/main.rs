@@ -21,9 +21,9 @@ fn path() -> impl AsRef<Path> {
 fn header() -> String {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = Config::from_file(own.join("cbindgen.toml")).expect("cbindgen.toml");
-    let builder = SOURCES.iter().fold(Builder::new().with_config(config), |builder, source| {
-        builder.with_src(own.join("../src").join(source))
-    });
+    let builder = SOURCES
+        .iter()
+        .fold(Builder::new().with_config(config), |builder, source| builder.with_src(own.join("../src").join(source)));
     let mut header = Vec::new();
     builder.generate().expect("sources of C interfaces").write(&mut header);
     String::from_utf8(header).expect("UTF-8")
