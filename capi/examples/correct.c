@@ -11,11 +11,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { A, B, DENOISED_A, DENOISED_B, DENOISED, PICTURES };
+enum { A, B, DENOISED_A, DENOISED_B, DENOISED, PICTURES, ALBEDO = PICTURES, LAYERS };
 
 /* What a renderer may keep of a pixel: the library reads it where it lies. */
 typedef struct {
-    float colour[PICTURES][3];
+    float layer[LAYERS][3];
 } Pixel;
 
 typedef struct {
@@ -48,7 +48,7 @@ static void read_pfm(Film *film, int which, const char *path) {
     if (width < 1 || height < 1 || width > SSPC_MAX_SIDE || height > SSPC_MAX_SIDE) fail(path, "no size");
     resize(film, width, height);
     for (size_t i = 0; i < (size_t)width * height; ++i)
-        if (fread(film->pixels[i].colour[which], sizeof(float), 3, file) != 3) fail(path, "truncated");
+        if (fread(film->pixels[i].layer[which], sizeof(float), 3, file) != 3) fail(path, "truncated");
     fclose(file);
 }
 
@@ -57,19 +57,21 @@ static float uniform(uint32_t *state) {
     return (float)(*state >> 8) / (1 << 24);
 }
 
-/* Stripes with noise, and blurred stripes with little noise for what a denoiser makes of them. */
+/* A floor of tiles with noise; a denoiser leaves little noise, and takes a fifth of the contrast. */
 static void make_up(Film *film) {
     uint32_t state = 1;
     resize(film, 256, 192);
     for (uint32_t y = 0; y < film->height; ++y)
         for (uint32_t x = 0; x < film->width; ++x)
             for (int c = 0; c < 3; ++c) {
-                float(*of)[3] = film->pixels[(size_t)y * film->width + x].colour;
-                float wave = sinf(0.4f * (float)(x + (uint32_t)c)) * cosf(0.3f * (float)y);
+                float(*of)[3] = film->pixels[(size_t)y * film->width + x].layer;
+                float light = 1 + 0.3f * sinf(0.03f * (float)x) * cosf(0.02f * (float)y);
+                of[ALBEDO][c] = (x / 5 + y / 7) % 2 ? 0.3f : 0.5f;
                 for (int which = A; which < DENOISED; ++which) {
                     int denoised = which >= DENOISED_A;
                     float noise = uniform(&state) + uniform(&state) + uniform(&state) - 1.5f;
-                    of[which][c] = 1 + (denoised ? 0.35f : 0.5f) * wave + (denoised ? 0.02f : 0.6f) * noise;
+                    float albedo = 0.4f + (denoised ? 0.8f : 1) * (of[ALBEDO][c] - 0.4f);
+                    of[which][c] = light * albedo * (1 + (denoised ? 0.01f : 0.3f) * noise);
                 }
                 of[DENOISED][c] = (of[DENOISED_A][c] + of[DENOISED_B][c]) / 2;
             }
@@ -79,7 +81,7 @@ static void make_up(Film *film) {
 static SspcInput input(const Film *film, int which) {
     SspcInput input = {0};
     ptrdiff_t row = (ptrdiff_t)(film->width * sizeof(Pixel));
-    input.data = film->pixels[(size_t)(film->height - 1) * film->width].colour[which];
+    input.data = film->pixels[(size_t)(film->height - 1) * film->width].layer[which];
     input.layout.pixel_stride = sizeof(Pixel);
     input.layout.row_stride = -row;
     return input;
@@ -123,6 +125,7 @@ int main(int argc, char **argv) {
     frame.denoised_a = input(&film, DENOISED_A);
     frame.denoised_b = input(&film, DENOISED_B);
     frame.denoised = input(&film, DENOISED);
+    if (argc == 3) frame.albedo_a = frame.albedo_b = input(&film, ALBEDO);
 
     SspcOptions options = sspc_options();
     options.progress = progress;
