@@ -15,8 +15,9 @@ use sspc_kernels::simd::Isa;
 use sspc_onnx::Model;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Share of the time that goes by before the first window of the network, about.
-const LOOKED_OVER: f64 = 0.2;
+/// Shares of the time that have gone by before the first window of the network and after the last, about: 0.1 s and 3.3 s of
+/// 4.4 s, measured with 1280 x 720 pixels and a model of 19 x 19 windows.
+const WINDOWS: [f64; 2] = [0.05, 0.75];
 
 /// A corrected picture and what it says of itself.
 pub struct CorrectedFrame {
@@ -57,7 +58,7 @@ pub fn correct_frame(
     let networks: Vec<_> = model.networks().iter().map(|n| WindowNetwork::new(isa, contract.form, n)).collect();
     let pixels = 2 * networks.len() * frame.height() * frame.width();
     let networks = WatchedNetworks { networks: &networks, watch, pixels, done: AtomicUsize::new(0) };
-    watch.tell(LOOKED_OVER);
+    watch.tell(WINDOWS[0]);
     let mut bands = FrameBands::new(&frame, stats, contract.composition.skips_still_blocks());
     let corrected = correct(&mut bands, &networks, &how, &|| watch.stops()).map_err(|error| match error {
         CorrectError::Interrupted | CorrectError::Parameters(Stopped) => Failure::interrupted(),
@@ -98,7 +99,7 @@ impl ParameterSource for WatchedNetworks<'_> {
         let Ok(parameters) = self.networks.window(k, features, wanted);
         let done = self.done.fetch_add(wanted.pixels(), Ordering::Relaxed) + wanted.pixels();
         let share = (done as f64 / self.pixels as f64).min(1.0);
-        self.watch.tell(LOOKED_OVER + (0.99 - LOOKED_OVER) * share);
+        self.watch.tell(WINDOWS[0] + (WINDOWS[1] - WINDOWS[0]) * share);
         Ok(parameters)
     }
 }

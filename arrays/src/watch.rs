@@ -3,16 +3,17 @@
 
 use rayon::{Scope, ThreadPool};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::{SyncSender, sync_channel};
 
 /// What work on other threads has of the one that waits.
 pub struct Watch<'a> {
-    to: Sender<f64>,
+    to: SyncSender<f64>,
     stopped: &'a AtomicBool,
 }
 
 impl Watch<'_> {
-    /// Tells which share of the work is done, 0..1.
+    /// Tells which share of the work is done, 0..1. Waits until what was told before is answered: an answer is never more
+    /// than one step behind the work.
     pub fn tell(&self, done: f64) {
         // Where the waiting thread has panicked nobody listens, and the work's end comes soon.
         let _ = self.to.send(done);
@@ -37,7 +38,7 @@ pub fn watched<T: Send>(
     work: impl FnOnce(&Watch) -> T + Send,
 ) -> T {
     let stopped = AtomicBool::new(false);
-    let (to, told) = channel();
+    let (to, told) = sync_channel(0);
     let mut result = None;
     in_scope(pool, |scope| {
         let (result, watch) = (&mut result, Watch { to, stopped: &stopped });
@@ -67,6 +68,7 @@ mod tests {
     use rayon::ThreadPoolBuilder;
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::thread;
+    use std::time::Duration;
 
     #[test]
     fn shares_are_told_here_and_never_fall() {
@@ -87,19 +89,18 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_stops_the_work() {
+    fn an_answer_stops_the_work_by_the_next_step() {
         let mut calls = 0;
         let tell = |_| {
+            thread::sleep(Duration::from_millis(20));
             calls += 1;
             true
         };
-        watched(None, tell, |watch| {
+        assert!(watched(None, tell, |watch| {
             watch.tell(0.0);
-            while !watch.stops() {
-                thread::yield_now();
-            }
             watch.tell(0.5);
-        });
+            watch.stops()
+        }));
         assert_eq!(calls, 1);
     }
 

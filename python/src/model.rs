@@ -9,16 +9,20 @@ use pyo3::types::{PyByteArray, PyBytes};
 use serde::Serialize;
 use sspc_arrays::correct::{CorrectedFrame, correct_frame};
 use sspc_arrays::model::{of_bytes, of_file};
-use sspc_arrays::watch::watched;
+use sspc_arrays::watch::{Watch as Progress, watched};
 use sspc_cli::{Code, Failure};
 use sspc_core::correct::Corrected;
 use sspc_frames::atomic::atomic_write_bytes;
 use sspc_image::Image;
 use sspc_onnx::{Contract, write_image, write_network};
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// What fitted models say they were fitted by.
 pub const TOOL: &str = concat!("sspc for Python ", env!("CARGO_PKG_VERSION"));
+
+/// How long a correction goes on before it looks for signals again.
+const BETWEEN_SIGNALS: Duration = Duration::from_millis(100);
 
 /// A fitted network with its contract, and the report of its fit where this process fitted it.
 #[pyclass(frozen, module = "sspc._native")]
@@ -47,12 +51,17 @@ impl Model {
 
     fn correct_frame(&self, frame: Arrays, strength: f32) -> Result<(Image, Image, String), Stop> {
         check_fork()?;
-        let watch = Watch::default();
-        let corrected = watched(
-            None,
-            |_| watch.stops(|_| Ok(())),
-            |progress| correct_frame(frame.frame(), &self.model, strength, true, progress),
-        );
+        let (watch, mut asked) = (Watch::default(), Instant::now());
+        let stops = |_| {
+            // The work waits, and the GIL may be busy.
+            if asked.elapsed() < BETWEEN_SIGNALS {
+                return false;
+            }
+            asked = Instant::now();
+            watch.stops(|_| Ok(()))
+        };
+        let work = |progress: &Progress| correct_frame(frame.frame(), &self.model, strength, true, progress);
+        let corrected = watched(None, stops, work);
         watch.finish()?;
         let CorrectedFrame { corrected, report } = corrected?;
         check_signals()?;
