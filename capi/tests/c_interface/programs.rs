@@ -100,6 +100,19 @@ fn the_example_gives_the_program_s_picture() {
 }
 
 #[test]
+fn the_header_is_c_plus_plus_too() {
+    let header = Path::new(env!("CARGO_MANIFEST_DIR")).join("include/sspc.h");
+    let flags =
+        ["-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only"].map(OsStr::new);
+    let Some(done) = cc("C++", flags.into_iter().chain([header.as_os_str()])) else { return };
+    let said = text(&done.stderr);
+    if said.contains("cc1plus") {
+        return skipped("C++", &said);
+    }
+    assert!(done.status.success(), "{said}");
+}
+
+#[test]
 fn nothing_lives_on_when_the_library_is_closed() {
     let files = Files::write();
     let Some(program) = compiled(files.folder.path(), "tests/c_interface/reload.c") else { return };
