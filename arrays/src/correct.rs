@@ -64,6 +64,11 @@ pub fn correct_frame(
         CorrectError::Interrupted | CorrectError::Parameters(Stopped) => Failure::interrupted(),
         CorrectError::Bands(never) => match never {},
     })?;
+    // By then the last window's answer is there.
+    watch.tell(0.99);
+    if watch.stops() {
+        return Err(Failure::interrupted());
+    }
     let report = PictureReport::new(isa, contract.composition, strength, &stats, warnings, &corrected);
     watch.tell(1.0);
     Ok(CorrectedFrame { corrected, report })

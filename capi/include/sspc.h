@@ -143,9 +143,9 @@ typedef struct SspcFrame {
 } SspcFrame;
 
 // Told how far the work is: `done` from 0 to 1 never falls. Called on the thread that called `sspc_correct`, some hundred
-// times for a large picture, and the work waits for it; must not call `sspc_correct`, and must return (no longjmp, no exception). An answer other
-// than 0 ends the work with SSPC_INTERRUPTED after a tile or two of the network; in the last quarter, when there are no more,
-// the picture may be finished first.
+// times for a large picture, and the work waits for it. It must not call `sspc_correct`, and must return (no longjmp, no
+// exception). An answer other than 0 ends the work with SSPC_INTERRUPTED, after a tile or two of the network, in the last
+// quarter at the end, and nothing is written; from 0.99 on it may come too late.
 typedef int (*SspcProgress)(void *user, double done);
 
 // How a frame is corrected. Made by `sspc_options`.

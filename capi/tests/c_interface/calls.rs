@@ -56,7 +56,8 @@ fn progress_is_told_to_the_caller_and_never_falls() {
 #[test]
 fn an_answer_stops_the_work_and_nothing_is_written() {
     let (frame, model) = (in_memory(), Loaded::of(&model(Form::Gated, 1)));
-    for stop_at in [1, 2] {
+    // At the start, before the first window, and after the last.
+    for stop_at in [1, 2, 4] {
         let (mut heard, mut room) = (heard(stop_at), Laid::room(Layout::default(), 3, HEIGHT, WIDTH));
         let mut told = picture(room.output());
         let code = correct(&model, &frame.frame(), &listening(&mut heard), &mut told);
