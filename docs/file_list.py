@@ -9,8 +9,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "ARCHITECTURE.md"
-FOLDERS = ["image", "kernels", "frames", "metrics", "shots", "core", "onnx", "oidn", "cli", "page", "train", "infer"]
-FOLDERS += ["python", "testkit", "tests", "fuzz", "reference-py", "bench", "scenes", "integrations", "docs"]
+FOLDERS = ["image", "kernels", "frames", "metrics", "shots", "core", "onnx", "oidn", "cli", "arrays", "page"]
+FOLDERS += ["train", "infer", "python", "capi", "testkit", "tests", "fuzz", "reference-py", "bench", "scenes"]
+FOLDERS += ["integrations", "docs"]
 START, END = "<!-- files: written by docs/file_list.py -->\n", "<!-- end of files -->\n"
 
 

@@ -1,6 +1,7 @@
 //! `evaluate`: a picture, and the denoiser's beside it, measured against a reference; or those of a shot.
 
 use crate::evaluate_shot;
+use crate::flicker::Measured;
 use clap::Args;
 use serde::Serialize;
 use sspc_cli::interrupt;
@@ -127,6 +128,11 @@ impl Read {
         let reference = read_reference(&arguments.reference, Some(like))?;
         let denoised = arguments.denoised.as_deref().map(|path| read_picture(path, Some(like))).transpose()?;
         Ok(Self { picture, reference, denoised })
+    }
+
+    /// What is compared with the frame before.
+    pub fn measured(&self) -> Measured<'_> {
+        Measured { picture: &self.picture, denoised: self.denoised.as_ref(), reference: &self.reference }
     }
 }
 

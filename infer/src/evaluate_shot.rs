@@ -1,21 +1,12 @@
 //! `evaluate` on a shot: every frame's figures, the temporal error of each step, and both for the whole.
 
 use crate::evaluate::{EvaluateArguments, Evaluation, Read, evaluate, json};
+use crate::flicker::Flicker;
 use serde::Serialize;
 use sspc_cli::frame_args::pattern;
 use sspc_cli::output::print_result;
 use sspc_cli::{Failure, interrupt};
 use sspc_frames::sequence::Frames;
-use sspc_image::{Image, Reference};
-use sspc_metrics::temporal::Change;
-use sspc_metrics::temporal_error;
-use sspc_shots::field::{Field, composed};
-use sspc_shots::flow::{Matchable, estimated};
-use sspc_shots::validity::Guides;
-use sspc_shots::warp::{Kernel, warped};
-
-/// The way to the frame before and back must end this near its start, pixels: else something was covered or uncovered.
-const NEAR: f32 = 1.0;
 
 /// Everything `--json` prints.
 #[derive(Debug, Serialize)]
@@ -54,18 +45,7 @@ pub struct FrameEvaluation {
     #[serde(flatten)]
     pub evaluation: Evaluation,
     /// The change from the frame before, where that is a frame of the shot.
-    pub temporal: Option<TemporalEvaluation>,
-}
-
-/// The temporal error of one step.
-#[derive(Debug, Serialize)]
-pub struct TemporalEvaluation {
-    /// Of the pictures.
-    pub picture: f64,
-    /// Of the denoiser's.
-    pub denoised: Option<f64>,
-    /// Share of the pixels that it is measured over.
-    pub share: f64,
+    pub temporal: Option<Flicker>,
 }
 
 /// Runs the subcommand on a shot.
@@ -90,43 +70,12 @@ pub fn run(arguments: &EvaluateArguments, frames: &Frames) -> Result<(), Failure
         let last = before.as_ref().filter(|(last, read_before)| {
             last.checked_add(1) == Some(number) && read_before.picture.same_size(&read.picture)
         });
-        let temporal = last.map(|(_, before)| temporal(&read, before));
+        let temporal = last.map(|(_, before)| Flicker::of(read.measured(), before.measured()));
         evaluations.push(FrameEvaluation { frame: number, evaluation, temporal });
         before = Some((number, read));
     }
     let shot = whole(evaluations);
     print_result(&if arguments.json { json(&shot)? } else { table(&shot) })
-}
-
-fn temporal(now: &Read, before: &Read) -> TemporalEvaluation {
-    let field = way(&now.reference.mean, &before.reference.mean);
-    let moved = |image: &Image| warped(image, &field, Kernel::CatmullRom);
-    let reference = Reference {
-        mean: moved(&before.reference.mean),
-        halves: before.reference.halves.as_ref().map(|halves| halves.each_ref().map(moved)),
-    };
-    let of = |now_picture: &Image, before: &Image| {
-        temporal_error(Change { now: now_picture, before: &moved(before) }, &now.reference, &reference)
-    };
-    let picture = of(&now.picture, &before.picture);
-    let denoised = now.denoised.as_ref().zip(before.denoised.as_ref()).map(|(now, before)| of(now, before).value);
-    let pixels = (picture.pixels + picture.excluded).max(1);
-    TemporalEvaluation { picture: picture.value, denoised, share: picture.pixels as f64 / pixels as f64 }
-}
-
-/// From the pixels of one reference to those of the other: the same for every picture that is measured. NaN where the way
-/// back does not end where it began.
-fn way(now: &Image, before: &Image) -> Field {
-    let [now, before] = [now, before].map(|image| Matchable::of(image, &Guides::default()));
-    let field = estimated(&now, &before);
-    let there_and_back = composed(&field, &estimated(&before, &now));
-    Image::from_rows(2, field.height(), field.width(), |c, y, row| {
-        let (right, down) = (there_and_back.row(0, y), there_and_back.row(1, y));
-        for (x, (out, own)) in row.iter_mut().zip(field.row(c, y)).enumerate() {
-            let is_near = right[x].hypot(down[x]) <= NEAR;
-            *out = if is_near { *own } else { f32::NAN };
-        }
-    })
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {

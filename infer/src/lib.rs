@@ -7,5 +7,6 @@ pub mod clock;
 pub mod engine;
 pub mod evaluate;
 pub mod evaluate_shot;
+pub mod flicker;
 pub mod info;
 pub mod run;

@@ -184,3 +184,26 @@ fn a_shot_is_measured_frame_by_frame_and_as_a_whole() {
     let table = infer(path, &arguments);
     assert!(String::from_utf8_lossy(&table.stdout).lines().last().unwrap().starts_with("shot"));
 }
+
+#[test]
+fn the_page_of_a_shot_has_the_flicker_that_evaluate_measures() {
+    let shot = shot();
+    let folder = shot.path();
+    (1..=4).for_each(|n| write_picture(&folder.join(format!("ref.{n:04}.exr")), &MadeFrame::new(n).truth()));
+    run(folder, "single.onnx", "1,2,4", "out", &["--report", "--reference", "ref.####.exr"]);
+    let page = std::fs::read_to_string(folder.join("out/c.0001-4.html")).expect("a page");
+    let (_, data) = page.split_once("id=\"data\">").expect("data");
+    let data: serde_json::Value = serde_json::from_str(data.split_once("</script>").expect("its end").0).expect("JSON");
+    let told = |at: usize| &data["frames"][at]["report"]["temporal"];
+    // Frame 1 has none before it, and 4 does not follow 2.
+    assert!(told(0).is_null() && told(2).is_null());
+
+    let measured =
+        infer(folder, &["evaluate", "out/c.####.exr", "--reference", "ref.####.exr", "--frames", "1-2", "--json"]);
+    let measured: serde_json::Value = serde_json::from_slice(&measured.stdout).expect("JSON");
+    let step = &measured["frames"][1]["temporal"];
+    assert!(step["picture"].as_f64() > Some(0.0) && step["picture"] == told(1)["picture"], "{step} {}", told(1));
+    assert_eq!(step["share"], told(1)["share"]);
+    let denoised = &told(1)["denoised"];
+    assert!(denoised.as_f64() > Some(0.0) && denoised != &step["picture"], "{}", told(1));
+}

@@ -60,6 +60,10 @@ function shotCurves({ frames }) {
     line("denoised", pick((r) => r.rel_l2?.denoised)),
     line("corrected", pick((r) => r.rel_l2?.corrected)),
   ];
+  const flicker = [
+    line("denoised", pick((r) => r.temporal?.denoised)),
+    line("corrected", pick((r) => r.temporal?.picture)),
+  ];
   const estimated = [
     line("denoised", pick((r) => r.estimate?.denoised?.value)),
     line("corrected", pick((r) => r.estimate?.corrected?.value)),
@@ -68,6 +72,7 @@ function shotCurves({ frames }) {
   const some = (series) => series.some((s) => s.values.some((v) => v !== null));
   return [
     ...(some(measured) ? [chart("relL2 of the frames, in their order", "", x, measured, places)] : []),
+    ...(some(flicker) ? [chart("Flicker", "Error of the change from the frame before, along the motion of the references.", x, flicker, places)] : []),
     ...(some(estimated) ? [chart("Estimated relL2 of the halves' mean", "", x, estimated, places)] : []),
   ];
 }

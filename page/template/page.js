@@ -24,6 +24,14 @@ function showFrame(index) {
   [...document.getElementById("strip").children].forEach((button, i) => button.setAttribute("aria-current", String(i === current)));
 }
 
+// The error of the change from the frame before, where it was measured.
+function flickerOf({ report: { temporal } }) {
+  if (!temporal) return null;
+  const { picture, denoised } = temporal;
+  const ratio = denoised > 0 ? `, ${shown(Number((picture / denoised).toPrecision(2)))} of the denoiser's` : "";
+  return element("div", { className: "flicker" }, `flicker ${shown(picture)}${ratio}`);
+}
+
 function fillStrip() {
   const strip = document.getElementById("strip");
   const several = data.frames.length > 1;
@@ -41,6 +49,7 @@ function fillStrip() {
         element("img", { src: frame.thumbnail, alt: "" }),
         element("div", {}, frame.name),
         element("div", {}, `relL2 ${frame.report.rel_l2 ? "" : "about "}${shown(corrected)}, ${shown(Number(ratio.toPrecision(2)))} of the denoiser's`),
+        flickerOf(frame),
         element("div", { className: "level" }, level),
       );
       button.addEventListener("click", () => showFrame(index));

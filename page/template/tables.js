@@ -60,6 +60,13 @@ function figurePanels(report) {
     const note = error.reference_noise_removed ? "The reference's own noise is taken out." : "The reference's own noise is part of every figure.";
     panels.push(panel("relL2 against the reference", table(["", "relL2", "of the denoiser's"], rows), element("p", { className: "note" }, note)));
   }
+  const { temporal } = report;
+  if (temporal) {
+    const rows = [["denoised", temporal.denoised, 1], ["corrected", temporal.picture, temporal.picture / temporal.denoised]];
+    rows[1].strong = true;
+    const note = `Over ${shown(Number((100 * temporal.share).toPrecision(3)))} % of the pixels: those that the frame before shows too.`;
+    panels.push(panel("Flicker against the frame before", table(["", "temporal error", "of the denoiser's"], rows), element("p", { className: "note" }, note)));
+  }
   const rows = [
     ["denoised", withError(estimate?.denoised), loss?.denoised],
     ["corrected", withError(estimate?.corrected), loss?.corrected],

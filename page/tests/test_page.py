@@ -160,19 +160,21 @@ class Pages(unittest.TestCase):
     def test_a_shot_whose_names_are_hostile_and_of_which_a_frame_fails(self):
         shot = self.root / HOSTILE
         shot.mkdir()
-        for number in (1001, 1002, 1003):
+        for number in (1001, 1002, 1003, 1004):
             for name in ("a", "b", "denoised", "ref"):
                 if (number, name) != (1002, "b"):
                     shutil.copy(SAMPLE / f"{name}.exr", shot / f"{name}.{number}.exr")
         patterns = {"a": "a", "b": "b", "denoised": "denoised", "reference": "ref"}
         named = [part for key, name in patterns.items() for part in (f"--{key}", shot / f"{name}.####.exr")]
-        model = ["--model", self.fit / "model.onnx", "--frames", "1001-1003"]
+        model = ["--model", self.fit / "model.onnx", "--frames", "1001-1004"]
         done = run("sspc-infer", "run", *model, *named, "--report", "-o", shot / "out.####.exr")
         self.assertNotEqual(done.returncode, 0, "a frame has no half b")
-        page = shot / "out.1001-1003.html"
+        page = shot / "out.1001-1004.html"
         tab = self.browser
         tab.open(page)
-        self.assertEqual(tab.value("document.querySelectorAll('#strip button').length"), 2)
+        self.assertEqual(tab.value("document.querySelectorAll('#strip button').length"), 3)
+        # Of three frames one follows another.
+        self.assertEqual(tab.value("document.querySelectorAll('#strip .flicker').length"), 1)
         self.assertEqual(tab.value("document.querySelectorAll('[onerror]').length"), 0)
         self.assertIn(HOSTILE, tab.value("document.getElementById('title').textContent"))
         self.assertIn("frame 1002 was not corrected", tab.value("document.getElementById('messages').textContent"))

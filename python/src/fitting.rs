@@ -84,14 +84,14 @@ impl Request {
     fn run(&self, frame: Arrays) -> Result<Model, Stop> {
         check_fork()?;
         let isa = Isa::from_env()?;
-        let (settings, warm) = self.settings()?;
+        let (mut settings, warm) = self.settings()?;
         let limits = self.limits()?;
-        let InspectedFrame { frame, stats, warnings, .. } = frame.inspect(settings.exposure)?;
+        let InspectedFrame { frame, stats, warnings, .. } = frame.frame().inspect(settings.exposure)?;
         let stats = stats.with_features_of(settings.features);
         check_signals()?;
         let (prepared, _) = prepare(frame, &stats, &settings);
         check_signals()?;
-        let initial = initial_networks(warm, &settings, slice::from_ref(&prepared))?;
+        let initial = initial_networks(warm, &mut settings, slice::from_ref(&prepared))?;
         let watch = Watch::default();
         let fitted = fit_variants(&[&prepared], &settings, initial, &limits, Backend::Flex, isa, |record| {
             if watch.stops(|py| self.tell(py, record)) { Control::Stop } else { Control::Continue }

@@ -6,10 +6,10 @@
 //! | module | what |
 //! |---|---|
 //! | `arrays` | bytes of Python to planar images, and back |
-//! | `frame` | named arrays to a frame that was looked over |
+//! | `frame` | named arrays to a frame's pictures |
 //! | `fitting` | `fit` |
 //! | `model` | the fitted model: correct, load, save |
-//! | `report` | what is told of a fit and of a picture |
+//! | `report` | what is told of a fit |
 //! | `evaluation` | `evaluate` |
 //! | `stop` | failures, Ctrl-C, callbacks that raise |
 

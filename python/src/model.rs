@@ -2,24 +2,27 @@
 
 use crate::arrays;
 use crate::frame::{Arrays, Given};
-use crate::report::{FitReport, PictureReport};
+use crate::report::FitReport;
 use crate::stop::{Stop, Watch, check_fork, check_signals, nonsense};
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyBytes};
 use serde::Serialize;
-use sspc_cli::reading::{InspectedFrame, check_variants};
+use sspc_arrays::correct::{CorrectedFrame, correct_frame};
+use sspc_arrays::model::{of_bytes, of_file};
+use sspc_arrays::watch::{Watch as Progress, watched};
 use sspc_cli::{Code, Failure};
-use sspc_core::bands::FrameBands;
-use sspc_core::correct::{Corrected, CorrectionSettings, correct};
+use sspc_core::correct::Corrected;
 use sspc_frames::atomic::atomic_write_bytes;
 use sspc_image::Image;
-use sspc_kernels::network::WindowNetwork;
-use sspc_kernels::simd::Isa;
-use sspc_onnx::{Contract, read_model, write_image, write_network};
+use sspc_onnx::{Contract, write_image, write_network};
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// What fitted models say they were fitted by.
 pub const TOOL: &str = concat!("sspc for Python ", env!("CARGO_PKG_VERSION"));
+
+/// How long a correction goes on before it looks for signals again.
+const BETWEEN_SIGNALS: Duration = Duration::from_millis(100);
 
 /// A fitted network with its contract, and the report of its fit where this process fitted it.
 #[pyclass(frozen, module = "sspc._native")]
@@ -48,25 +51,20 @@ impl Model {
 
     fn correct_frame(&self, frame: Arrays, strength: f32) -> Result<(Image, Image, String), Stop> {
         check_fork()?;
-        let isa = Isa::from_env()?;
-        if !(0.0..=1.0).contains(&strength) {
-            return Err(nonsense(format!("strength {strength}: expected a number from 0 to 1"), ""));
-        }
-        let contract = &self.model.contract;
-        let InspectedFrame { frame, stats, warnings, .. } = frame.inspect(contract.exposure)?;
-        check_variants(contract.networks, frame.variants.len().max(1))?;
-        let stats = stats.with_features_of(contract.features);
-        let how = CorrectionSettings { keep_maps: true, ..contract.correction(isa, strength) };
-        let networks = self.model.networks();
-        let networks: Vec<_> = networks.iter().map(|n| WindowNetwork::new(isa, contract.form, n)).collect();
-        let mut bands = FrameBands::new(&frame, stats, contract.composition.skips_still_blocks());
-        let watch = Watch::default();
-        let corrected = match correct(&mut bands, &networks[..], &how, &|| watch.stops(|_| Ok(()))) {
-            Ok(corrected) => corrected,
-            Err(error) => return Err(watch.cause(error)),
+        let (watch, mut asked) = (Watch::default(), Instant::now());
+        let stops = |_| {
+            // The work waits, and the GIL may be busy.
+            if asked.elapsed() < BETWEEN_SIGNALS {
+                return false;
+            }
+            asked = Instant::now();
+            watch.stops(|_| Ok(()))
         };
+        let work = |progress: &Progress| correct_frame(frame.frame(), &self.model, strength, true, progress);
+        let corrected = watched(None, stops, work);
+        watch.finish()?;
+        let CorrectedFrame { corrected, report } = corrected?;
         check_signals()?;
-        let report = PictureReport::new(isa, contract.composition, strength, &stats, warnings, &corrected);
         let report = json(&report)?;
         let Corrected { picture, maps, .. } = corrected;
         let share = maps.map_or_else(|| Image::zeros(1, picture.height(), picture.width()), |maps| maps.share);
@@ -86,14 +84,13 @@ impl Model {
 impl Model {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let model = py.detach(|| sspc_train::warm_start::read_model(&path)).map_err(Stop::from)?;
+        let model = py.detach(|| of_file(&path)).map_err(Stop::from)?;
         Ok(Model { model, report: None })
     }
 
     #[staticmethod]
     fn from_bytes(bytes: &[u8], report: Option<String>) -> PyResult<Self> {
-        let refused = |error: sspc_onnx::Error| Failure::new(Code::Input, error.to_string(), "");
-        Ok(Model { model: read_model(bytes).map_err(refused).map_err(Stop::from)?, report })
+        Ok(Model { model: of_bytes(bytes).map_err(Stop::from)?, report })
     }
 
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {

@@ -2,9 +2,7 @@
 
 use pyo3::prelude::*;
 use sspc_cli::{Code, Failure};
-use sspc_core::correct::CorrectError;
 use std::cell::RefCell;
-use std::convert::Infallible;
 use std::process;
 use std::sync::OnceLock;
 
@@ -69,14 +67,6 @@ impl Watch {
     /// That exception.
     pub fn finish(self) -> Result<(), Stop> {
         self.raised.into_inner().map_or(Ok(()), |error| Err(Stop::Raised(error)))
-    }
-
-    /// Why a correction that was watched ended.
-    pub fn cause(self, error: CorrectError<Infallible, Infallible>) -> Stop {
-        match error {
-            CorrectError::Interrupted => self.finish().err().unwrap_or_else(|| Failure::interrupted().into()),
-            CorrectError::Bands(never) | CorrectError::Parameters(never) => match never {},
-        }
     }
 }
 

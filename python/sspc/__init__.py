@@ -17,12 +17,12 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from . import _native
-from ._arrays import Reader, like
+from ._arrays import INPUT, Reader, like
 from ._errors import Error, FrameWarning
 from ._native import Step
 
@@ -44,6 +44,8 @@ __all__ = [
 Array = TypeVar("Array")
 
 Preset = Literal["fast", "balanced", "quality", "paper"]
+
+_Denoised = tuple[bytes, bytes, bytes | None]
 
 _REQUIRED = {"a", "b", "denoised_a", "denoised_b"}
 _CHANNELS = {"visibility_a": 1, "visibility_b": 1}
@@ -91,6 +93,7 @@ def fit(
     denoised_a: Array,
     denoised_b: Array,
     denoised: Array | None = None,
+    denoised_more: Sequence[Sequence[Array | None]] = (),
     albedo_a: Array | None = None,
     albedo_b: Array | None = None,
     normal_a: Array | None = None,
@@ -109,6 +112,8 @@ def fit(
 
     Radiance `a`, `b` and the denoised pictures are (height, width, 3), albedo 0..1 and normal -1..1 too; visibility is
     (height, width) or (height, width, 1), 0..1. Without `denoised`, the mean of both denoised halves is corrected.
+    `denoised_more` holds further pictures that denoisers made of the same halves, each as (half a, half b) or (half a,
+    half b, full buffer), as `--denoised-more` does: a network is fitted on each.
     `settings` changes single settings of the preset, as `--set` does. `init` is a model to start from, e.g. that of the
     previous frame. `progress` is called after every step; what it raises stops the fit and comes through, and so does
     KeyboardInterrupt.
@@ -116,6 +121,7 @@ def fit(
     Raises `Error`; warns of what a person should know by `FrameWarning`.
     """
     frame = _frame(
+        denoised_more,
         a=a,
         b=b,
         denoised_a=denoised_a,
@@ -170,6 +176,7 @@ class Model:
         denoised_a: Array,
         denoised_b: Array,
         denoised: Array | None = None,
+        denoised_more: Sequence[Sequence[Array | None]] = (),
         albedo_a: Array | None = None,
         albedo_b: Array | None = None,
         normal_a: Array | None = None,
@@ -180,12 +187,14 @@ class Model:
     ) -> Result[Array]:
         """Corrects a frame, as `sspc-infer run` does: the one that the model was fitted to, or another of the shot.
 
-        Arrays are as for `fit`; `strength` is the share of the correction that is added to the denoiser's picture. The
-        results are arrays of the kind that `a` is, where it can be told, else NumPy's.
+        Arrays are as for `fit`, `denoised_more` with as many as there; `strength` is the share of the correction that
+        is added to the denoiser's picture. The results are arrays of the kind that `a` is, where it can be told, else
+        NumPy's.
 
         Raises `Error`; warns of what a person should know by `FrameWarning`.
         """
         frame = _frame(
+            denoised_more,
             a=a,
             b=b,
             denoised_a=denoised_a,
@@ -201,7 +210,7 @@ class Model:
         picture, share, text = self._native.correct(frame, strength)
         report = json.loads(text)
         _warn([*report["warnings"], *filter(None, [report["unlike"]])])
-        height, width, _ = frame
+        height, width, *_ = frame
         means = {key: Mean(mean["value"], mean["standard_error"]) for key, mean in report["estimate"].items()}
         return Result(
             picture=like(a, picture, (height, width, 3)),
@@ -319,13 +328,26 @@ def evaluate(
     return Evaluation(Figures(*own), comparison, used)
 
 
-def _frame(**roles: Any) -> tuple[int, int, dict[str, bytes]]:
-    """Height, width, and the bytes of every array that was given, by its argument's name."""
+def _frame(more: Any, **roles: Any) -> tuple[int, int, dict[str, bytes], list[_Denoised]]:
+    """Height, width, the bytes of every array that was given, by its argument's name, and of `denoised_more`."""
     reader = Reader()
     given = {name: value for name, value in roles.items() if value is not None or name in _REQUIRED}
     arrays = {name: reader.read(name, value, _CHANNELS.get(name, 3)) for name, value in given.items()}
+    further = [_denoised(reader, f"denoised_more[{at}]", pictures) for at, pictures in enumerate(more)]
     height, width = reader.size or (0, 0)
-    return height, width, arrays
+    return height, width, arrays, further
+
+
+def _denoised(reader: Reader, name: str, pictures: Any) -> _Denoised:
+    """The bytes of one further denoised picture: of half a, half b, and the full buffer where it is there."""
+    found = len(pictures) if isinstance(pictures, (tuple, list)) else None
+    if found not in (2, 3):
+        what = type(pictures).__name__ if found is None else f"{found} arrays"
+        advice = "give denoised_more=[(za, zb, z), ...]"
+        raise Error(f"{name}: expected (half a, half b) or (half a, half b, full buffer), found {what}", advice, INPUT)
+    a, b, full = (*pictures, None)[:3]
+    halves = (reader.read(f"{name}[0]", a, 3), reader.read(f"{name}[1]", b, 3))
+    return (*halves, None if full is None else reader.read(f"{name}[2]", full, 3))
 
 
 def _warn(texts: list[str]) -> None:

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-# Height, width, and arrays by name; the dictionary is emptied by whoever takes it.
-_Frame = tuple[int, int, dict[str, bytes]]
+# Height, width, arrays by name, and further denoised pictures; dictionary and list are emptied by whoever takes them.
+_Frame = tuple[int, int, dict[str, bytes], list[tuple[bytes, bytes, bytes | None]]]
 _Figures = tuple[float, float, float, float, float, float, float, int, int]
 
 class Step:

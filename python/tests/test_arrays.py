@@ -160,3 +160,18 @@ def test_what_a_person_should_know_is_a_warning(frame):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sspc.fit(**frame, steps=1)
+
+
+def test_further_denoised_pictures_are_checked(frame, model):
+    a, b = frame["denoised_a"], frame["denoised_b"]
+    pair = r"denoised_more\[1\]: expected \(half a, half b\) or \(half a, half b, full buffer\), found "
+    cases = {
+        pair + "ndarray": a,
+        pair + "1 arrays": (a,),
+        r"denoised_more\[1\]\[2\]: expected 56 x 40 pixels as in a, found 56 x 1": (a, b, a[:1]),
+        r"denoised_more\[1\]\[0\]: expected an array, found NoneType": (None, b),
+    }
+    for message, pictures in cases.items():
+        with pytest.raises(sspc.Error, match=message) as caught:
+            model.correct(**frame, denoised_more=[(a, b), pictures])
+        assert caught.value.code == 3

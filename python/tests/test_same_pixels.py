@@ -5,7 +5,7 @@ import json
 import numpy as np
 import onnx
 import pytest
-from conftest import make_frame, read_exr, run, same_bits, write_frame
+from conftest import make_frame, read_exr, run, same_bits, write_exr, write_frame
 from onnx import numpy_helper
 
 import sspc
@@ -138,3 +138,36 @@ def test_another_frame_of_the_shot(tmp_path, model):
 def test_models_of_the_program_are_loaded(tmp_path, frame):
     picture, file, _ = fitted(tmp_path, write_frame(tmp_path, frame), "--steps=6")
     assert same_bits(sspc.Model.load(file).correct(**frame).picture, picture)
+
+
+def further(frame):
+    """Two further denoised pictures of each half: one blurred with a full buffer, one sharper without."""
+    halves = [frame[f"denoised_{half}"] for half in "ab"]
+    blurred = [(half + np.roll(half, 1, 0)) / 2 for half in halves]
+    sharper = [1.5 * half - 0.5 * np.roll(half, 1, 1) for half in halves]
+    return [(*blurred, (blurred[0] + blurred[1]) / 2), tuple(sharper)]
+
+
+def test_several_denoised_pictures(tmp_path, frame):
+    more = further(frame)
+    options = ["--steps=6"]
+    for at, pictures in enumerate(more):
+        paths = [tmp_path / f"more{at}{which}.exr" for which, _ in enumerate(pictures)]
+        for path, picture in zip(paths, pictures):
+            write_exr(path, dict(zip("RGB", np.moveaxis(picture, -1, 0))))
+        options.append("--denoised-more=" + ",".join(map(str, paths)))
+    arguments = write_frame(tmp_path, frame)
+    picture, file, _ = fitted(tmp_path, arguments, *options)
+
+    model = sspc.fit(**frame, denoised_more=more, steps=6)
+    model.save(tmp_path / "own.onnx")
+    result = model.correct(**frame, denoised_more=more)
+    assert same_weights(tmp_path / "own.onnx", file)
+    assert same_bits(result.picture, picture)
+    by_run, _ = corrected(tmp_path, arguments, file, *options[1:])
+    assert same_bits(result.picture, by_run)
+    assert not same_bits(result.picture, sspc.fit(**frame, steps=6).correct(**frame).picture)
+
+    with pytest.raises(sspc.Error, match="the model wants 3 denoised pictures of each half, found 2") as refused:
+        model.correct(**frame, denoised_more=more[:1])
+    assert refused.value.code == 3

@@ -15,10 +15,12 @@
 //! | [`golden`] | hashes of pixels made before |
 //! | [`faults`] | kills, interrupts, full disks |
 //! | [`peak`] | the most memory held at once |
+//! | [`c_programs`] | C, compiled for a test |
 //! | [`skips`] | what a test cannot do here, said aloud |
 #![forbid(unsafe_code)]
 #![expect(missing_docs, reason = "fields of test data: their names say it")]
 
+pub mod c_programs;
 pub mod case;
 pub mod closeness;
 pub mod exr_parts;

@@ -70,10 +70,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let folder = OutputFolder::open(&args.output)?;
     check_outputs(&folder, args, &overrides, &inputs)?;
 
-    if args.init.is_none() {
-        settings = settings.shared_by(prepared.first().map_or(1, Prepared::networks));
-    }
-    let initial = initial_networks(initial, &settings, &prepared)?;
+    let initial = initial_networks(initial, &mut settings, &prepared)?;
     // Without any of the correction there is nothing to train for.
     let steps = if args.run.strength == 0.0 { Some(0) } else { args.steps };
     let limits = Limits { steps, time: args.time_limit.map(Duration::from_secs_f64) };
@@ -153,13 +150,14 @@ fn shot<'a>(
     Ok(Some(Shot::new(files, settings, denoising)))
 }
 
-/// The networks to start from: as many as every frame has variants of z.
+/// The networks to start from: as many as every frame has variants of z. Without `warm` ones, which have learned already,
+/// the settings become those of networks that share the work.
 ///
 /// # Errors
 /// Frames, or frame and model, that differ in their number.
 pub fn initial_networks(
     warm: Option<Vec<Network>>,
-    settings: &Settings,
+    settings: &mut Settings,
     prepared: &[Prepared],
 ) -> Result<Vec<Network>, Failure> {
     let count = prepared.first().map_or(1, Prepared::networks);
@@ -168,7 +166,10 @@ pub fn initial_networks(
         return Err(Failure::new(Code::Input, message, "give every frame of a shot the same ones"));
     }
     match warm {
-        None => Ok(starting_networks(settings, count)),
+        None => {
+            *settings = settings.clone().shared_by(count);
+            Ok(starting_networks(settings, count))
+        }
         Some(networks) => check_variants(networks.len(), count).map(|()| networks),
     }
 }

@@ -2,6 +2,7 @@
 //! `SSPC_PYTHON_VENV` names, and without any.
 
 use sspc_frames::read_picture;
+use sspc_testkit::c_programs::oidn_stand_in;
 use sspc_testkit::skips::skipped;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -46,8 +47,12 @@ fn report(out: &Path) -> serde_json::Value {
 }
 
 fn assert_fails(outcome: &(Option<i32>, String), out: &Path, words: &[&str]) {
-    let (code, message) = outcome;
-    assert_eq!(*code, Some(3), "{message}");
+    assert_fails_with(3, outcome, out, words);
+}
+
+fn assert_fails_with(code: i32, outcome: &(Option<i32>, String), out: &Path, words: &[&str]) {
+    let (found, message) = outcome;
+    assert_eq!(*found, Some(code), "{message}");
     let errors: Vec<&str> = message.lines().filter(|line| line.starts_with("error:")).collect();
     assert!(errors.len() == 1 && words.iter().all(|word| message.contains(word)), "{message}");
     assert!(message.contains("advice:") && !out.exists(), "{message}");
@@ -80,6 +85,23 @@ fn a_library_that_is_named_and_is_none_is_an_error_that_says_so() {
     assert_fails(&run(fit(&out, &["--oidn", name])), &out, &["libOpenImageDenoise.so.2", "cannot be opened"]);
     let (code, message) = run(fit(&out, &["--oidn-modes", "aux,albedo"]));
     assert!(code == Some(2) && message.contains("expected aux, clean-aux, colour"), "{message}");
+}
+
+#[test]
+fn a_library_that_fails_leaves_nothing_behind() {
+    let cases = [
+        ("OLD_VERSION", 3, "expected Open Image Denoise 2.0 or later, found 1.99.1"),
+        ("BAD_DEVICE", 3, "cannot start: no thread could be started"),
+        ("HALF_WAY", 4, "Open Image Denoise 2.3.0 failed on 256x192 pixels (aux, high): out of memory"),
+        ("NOT_FINITE", 4, "returned 2 values of 256x192 pixels that are not finite"),
+    ];
+    for (fault, code, words) in cases {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("out");
+        let Some(library) = oidn_stand_in(folder.path(), fault) else { return };
+        let outcome = run(fit(&out, &["--oidn", library.to_str().expect("UTF-8")]));
+        assert_fails_with(code, &outcome, &out, &[words]);
+    }
 }
 
 #[test]

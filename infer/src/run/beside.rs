@@ -1,6 +1,7 @@
 //! What a corrected picture is shown and measured beside: noisy, denoised, reference.
 
 use super::report::RelL2;
+use crate::flicker::Measured;
 use sspc_cli::reading::Source;
 use sspc_core::prepare::baseline;
 use sspc_core::same_scene::DifferentPlaces;
@@ -43,6 +44,11 @@ impl Beside {
         Ok(Self { noisy, denoised, different: different.map(|places| places.map(height, width)), reference })
     }
 
+    /// Whether there is one.
+    pub fn has_reference(&self) -> bool {
+        self.reference.is_some()
+    }
+
     /// Errors against the reference, where there is one, of the finished picture too.
     pub fn rel_l2(&self, corrected: &Image) -> Option<RelL2> {
         self.reference.as_ref().map(|reference| RelL2 {
@@ -53,8 +59,14 @@ impl Beside {
         })
     }
 
+    /// What is compared with the frame before, where there is a reference.
+    pub fn measured<'a>(&'a self, corrected: &'a Image) -> Option<Measured<'a>> {
+        let reference = self.reference.as_ref()?;
+        Some(Measured { picture: corrected, denoised: Some(&self.denoised), reference })
+    }
+
     /// All pictures to look at; `share` `[1, H, W]` is that of the correction that was used.
-    pub fn pictures(self, corrected: &Image, share: Option<&Image>) -> Vec<Picture> {
+    pub fn pictures(&self, corrected: &Image, share: Option<&Image>) -> Vec<Picture> {
         let exposure = auto_exposure(&self.denoised);
         let reference = self.reference.as_ref().map(|reference| &reference.mean);
         let pictures = FramePictures {

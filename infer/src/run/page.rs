@@ -3,11 +3,14 @@
 use super::arguments::Job;
 use super::beside::Beside;
 use super::report::FrameReport;
+use crate::flicker::Flicker;
 use sspc_cli::output::Output;
 use sspc_cli::{Code, Failure};
 use sspc_core::correct::Corrected;
 use sspc_frames::atomic::atomic_write_bytes;
+use sspc_image::Image;
 use sspc_page::{FailedFrame, Page, PageFrame};
+use std::collections::HashMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
@@ -17,12 +20,22 @@ pub struct PageOfRun {
     jobs: usize,
     frames: Vec<PageFrame>,
     failed: Vec<FailedFrame>,
+    /// The last frame of each view, where it can be compared with the next: 48 bytes per pixel, 72 with the reference's
+    /// halves.
+    before: HashMap<Option<String>, Before>,
+}
+
+/// A frame that the next one is compared with.
+struct Before {
+    number: i32,
+    picture: Image,
+    beside: Beside,
 }
 
 impl PageOfRun {
     /// Of no frame yet.
     pub fn new(jobs: &[Job]) -> Self {
-        Self { path: path(jobs), jobs: jobs.len(), frames: Vec::new(), failed: Vec::new() }
+        Self { path: path(jobs), jobs: jobs.len(), frames: Vec::new(), failed: Vec::new(), before: HashMap::new() }
     }
 
     /// Where the page will be.
@@ -48,10 +61,26 @@ impl PageOfRun {
             None => job.frame.name(),
         };
         let pictures = beside.pictures(&corrected.picture, corrected.maps.as_ref().map(|maps| &maps.share));
-        let report = serde_json::to_value(report).map_err(|error| refused(&self.path, error))?;
+        let mut report = serde_json::to_value(report).map_err(|error| refused(&self.path, error))?;
+        let flicker = self.flicker(job.frame.number, view, &beside, &corrected.picture);
+        if let Some(flicker) = flicker {
+            report["temporal"] = serde_json::to_value(flicker).map_err(|error| refused(&self.path, error))?;
+        }
         let frame = PageFrame::new(name, &pictures, report, self.jobs * views);
         self.frames.push(frame.map_err(|error| refused(&self.path, error))?);
+        if let Some(number) = job.frame.number.filter(|_| self.jobs > 1 && beside.has_reference()) {
+            let before = Before { number, picture: corrected.picture.clone(), beside };
+            self.before.insert(view.map(String::from), before);
+        }
         Ok(())
+    }
+
+    /// The change from the frame before, where that was corrected just now.
+    fn flicker(&self, number: Option<i32>, view: Option<&str>, beside: &Beside, picture: &Image) -> Option<Flicker> {
+        let before = self.before.get(&view.map(String::from))?;
+        let follows = before.number.checked_add(1) == number && before.picture.same_size(picture);
+        let (now, before) = (beside.measured(picture)?, before.beside.measured(&before.picture)?);
+        follows.then(|| Flicker::of(now, before))
     }
 
     /// Notes a frame that was not corrected.
