@@ -62,6 +62,9 @@ pub enum Error {
     #[error("{}: no {purpose}: expected {expected}, found {found}", path.display())]
     MissingRole { path: PathBuf, purpose: Purpose, expected: String, found: String },
 
+    #[error("{}: no view '{wanted}', found {found}", path.display())]
+    MissingView { path: PathBuf, wanted: String, found: String },
+
     #[error("{}: size of the {purpose}: expected {expected} as in {}, found {found}", path.display(), like.display())]
     SizeMismatch { path: PathBuf, purpose: Purpose, expected: String, found: String, like: PathBuf },
 
@@ -113,6 +116,7 @@ impl Error {
             Error::MissingRole { .. } => {
                 "name the channels with --role, e.g. --role albedo=LAYER or --role denoised-a=FILE.exr"
             }
+            Error::MissingView { .. } => "name a view of every file with --view, or all of them with --view all",
             Error::SizeMismatch { .. } => {
                 "render all files of a frame with one resolution and one display window; crops are laid over each other"
             }

@@ -202,7 +202,7 @@ impl Search<'_> {
     }
 
     /// The number of the view that was asked for.
-    fn view(&self, file: usize, role: Role, buffer: Buffer) -> Result<usize, Error> {
+    fn view(&self, file: usize) -> Result<usize, Error> {
         let (file, layers) = &self.opened[file];
         let Some(wanted) = self.overrides.view() else { return Ok(0) };
         let found = layers.views.iter().position(|view| view.eq_ignore_ascii_case(wanted));
@@ -210,10 +210,9 @@ impl Search<'_> {
         let needs_none = layers.views.is_empty() && !self.overrides.all_views();
         match found.or(needs_none.then_some(0)) {
             Some(view) => Ok(view),
-            None => Err(Error::MissingRole {
+            None => Err(Error::MissingView {
                 path: file.path.clone(),
-                purpose: Purpose::Role(role, buffer),
-                expected: format!("the view '{}'", shown(wanted)),
+                wanted: shown(wanted),
                 found: match layers.views.is_empty() {
                     true => "a file without views".to_string(),
                     false => format!("the views {}", shown(&layers.views.join(", "))),
@@ -237,7 +236,7 @@ impl Search<'_> {
     ) -> Result<(usize, Option<Hit>), Error> {
         let path = self.home(role, buffer);
         let file = self.open(&path, Purpose::Role(role, buffer))?;
-        let view = self.view(file, role, buffer)?;
+        let view = self.view(file)?;
         if self.given.b.is_some() && buffer == Buffer::Full {
             // A file of one half does not hold the full buffer.
             return Ok((file, None));
@@ -305,7 +304,7 @@ impl Search<'_> {
 
     fn chosen(&self, file: usize, role: Role, buffer: Buffer, selection: &Selection) -> Result<Hit, Error> {
         let (exr, layers) = &self.opened[file];
-        let view = self.view(file, role, buffer)?;
+        let view = self.view(file)?;
         let most = *component_counts(role).end();
         let grey = |at: usize| Hit::of(vec![at; most]);
         let hit = match selection {

@@ -182,7 +182,9 @@ fn views_are_named_and_each_has_its_own_roles() {
     assert_eq!(both.channels().len(), 2);
     assert!(both.clone().and(right.output().expect("right")).is_err(), "one channel twice");
     let missing = OpenFrame::open(&files, &RoleOverrides::none().of_view(Some("up".into())));
-    assert!(missing.is_err_and(|error| error.to_string().contains("found the views left, right")));
+    assert!(missing.is_err_and(|error| {
+        error.to_string().contains("found the views left, right") && error.advice().contains("--view")
+    }));
 }
 
 #[test]
