@@ -21,11 +21,11 @@ use crate::container::fault::Fault;
 use crate::container::pixels::{Wanted, read_planes};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
-use crate::place::{Place, place_of};
+use crate::place::{Place, place, place_of};
 use crate::resolve::Resolution;
 use exr::meta::attribute::SampleType;
 use exr::prelude::f16;
-use sspc_image::Image;
+use sspc_image::{Image, Storage};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -57,6 +57,19 @@ impl OutputPlan {
         let file = &resolution.files[radiance.file];
         let display = Placing::of(file, radiance.channels[0]).display;
         Self::new(file, vec![(place_of(resolution)?, Placing { window: radiance.window, display })])
+    }
+
+    /// The output of other pictures in the place of these channels of a file, whose pixels lie as `placing` says.
+    ///
+    /// # Errors
+    /// As [`Self::of_frame`].
+    pub fn of_channels(file: &ExrFile, channels: Vec<Vec<usize>>, placing: Placing) -> Result<Self, Error> {
+        let places = channels.iter().enumerate().map(|(at, channels)| {
+            let mut place = place(file, channels);
+            place.targets.iter_mut().for_each(|target| target.picture = at);
+            (place, placing)
+        });
+        Self::new(file, places.collect())
     }
 
     fn new(file: &ExrFile, places: Vec<(Place, Placing)>) -> Result<Self, Error> {
@@ -101,10 +114,22 @@ impl OutputPlan {
             });
         }
         for (mut place, placing) in other.places {
-            place.targets.iter_mut().for_each(|target| target.picture += self.places.len());
+            place.targets.iter_mut().for_each(|target| target.picture = self.places.len());
             self.places.push((place, placing));
         }
         Ok(self)
+    }
+
+    /// A picture as it will be read from the file.
+    ///
+    /// # Panics
+    /// When there is no such picture.
+    pub fn as_stored(&self, at: usize, picture: &Image) -> Image {
+        let storage =
+            if self.places[at].0.were_half && half_can_hold(picture) { Storage::Half } else { Storage::Float };
+        let mut stored = picture.clone();
+        stored.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v = storage.round(f64::from(*v))));
+        stored
     }
 
     /// The channels that the pictures take, for messages.

@@ -2,5 +2,6 @@
 
 mod bands;
 mod kernels;
+mod means;
 mod objective;
 mod variants;
