@@ -118,10 +118,10 @@ def stage():
     smoke = bpy.data.materials.new("smoke")
     smoke.use_nodes = True
     scatter = smoke.node_tree.nodes.new("ShaderNodeVolumeScatter")
-    scatter.inputs["Density"].default_value = 0.06
+    scatter.inputs["Density"].default_value = 0.3
     smoke.node_tree.nodes.remove(smoke.node_tree.nodes["Principled BSDF"])
     smoke.node_tree.links.new(scatter.outputs["Volume"], smoke.node_tree.nodes["Material Output"].inputs["Volume"])
-    cube((0, 1.2, 1.2), (3.0, 1.6, 1.1), smoke)
+    cube((-2.6, 2.0, 1.2), (0.7, 0.7, 1.1), smoke)
     for name, place, size, watts, colour in (
         ("key", (-3.0, -2.5, 3.8), 0.6, 260, (1.0, 0.85, 0.65)),
         ("rim", (2.8, 2.0, 2.6), 0.3, 160, (0.5, 0.7, 1.0)),

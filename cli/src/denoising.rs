@@ -180,14 +180,16 @@ impl<'a> Denoising<'a> {
         }))
     }
 
-    /// A denoised picture of every pass, of both halves together: guided by albedo and normal as rendered, in the quality of
-    /// the frame's own. `None` for a pass with light that is subtracted, which the library does not know.
+    /// A denoised picture of every pass, of both halves together: guided by albedo and normal as rendered, in the quality
+    /// that is asked for, else `fast`: what it lacks is made up for when the passes are made to add up. `None` for a pass
+    /// without noise, and for one with light that is subtracted, which the library does not know.
     ///
     /// # Errors
     /// As [`Self::supply`].
     pub fn passes(&self, open: &OpenFrame, passes: &OpenPasses) -> Result<Vec<Option<CompactImage>>, Failure> {
         let oidn = self.library(open)?;
-        let run = Run { quality: self.quality(), max_memory: MAX_MEMORY, asked_to_stop: interrupt::asked };
+        let quality = self.args.oidn_quality.unwrap_or(Quality::Fast);
+        let run = Run { quality, max_memory: MAX_MEMORY, asked_to_stop: interrupt::asked };
         let mode = Mode::Aux.with(open.has(Role::Albedo, Buffer::A));
         (0..passes.passes.len())
             .map(|k| {
@@ -311,18 +313,19 @@ fn read(open: &OpenFrame, buffer: Buffer) -> Result<Picture, Failure> {
     Ok(picture)
 }
 
-/// Reads what the denoiser is given of a pass; `None` where light is subtracted.
+/// Reads what the denoiser is given of a pass; `None` where there is no noise or light is subtracted.
 fn read_pass(open: &OpenFrame, passes: &OpenPasses, k: usize) -> Result<Option<Picture>, Failure> {
     let (height, width) = (open.height(), open.width());
     let has = |role| open.has(role, Buffer::A);
     let mut picture = Picture::new(height, width, has(Role::Albedo), has(Role::Normal));
-    let (mut sum, mut size) = (0.0, 0.0);
+    let (mut sum, mut size, mut is_still) = (0.0, 0.0, true);
     for top in (0..height).step_by(ROWS) {
         interrupt::check()?;
         let rows = top..(top + ROWS).min(height);
         let [a, b] = open.noisy_rows(rows.clone())?;
         let NoisyHalf { albedo, normal, .. } = mean(&a, &b);
         let [a, b] = passes.rows_of(k, rows)?;
+        is_still &= a.data().iter().zip(b.data()).all(|(a, b)| a.to_bits() == b.to_bits());
         let colour = mean_of_finite(&a, &b);
         for value in colour.data().iter().filter(|value| value.is_finite()) {
             sum += f64::from(*value);
@@ -330,7 +333,7 @@ fn read_pass(open: &OpenFrame, passes: &OpenPasses, k: usize) -> Result<Option<P
         }
         picture.put_rows(top, &Rows { colour: &colour, albedo: albedo.as_ref(), normal: normal.as_ref() });
     }
-    Ok((sum >= POSITIVE * size).then_some(picture))
+    Ok((!is_still && sum >= POSITIVE * size).then_some(picture))
 }
 
 fn mean(a: &NoisyHalf, b: &NoisyHalf) -> NoisyHalf {

@@ -20,8 +20,10 @@ const FADE_RADIUS: usize = 2;
 const ERROR_RADIUS: usize = 3;
 /// Rows around a pixel that it depends on beyond g_c's window.
 pub(super) const REACH: usize = 2 * JUDGE_RADIUS + FADE_RADIUS + ERROR_RADIUS;
-/// A denoised picture has seen both halves, which judge it too kindly: another has to be better by this.
-const CLEARLY_BETTER: f32 = 0.9;
+/// Relative noise of the mean of both halves below which there is none: rounding.
+const STILL: f32 = 1e-3;
+/// Relative noise at which half of a denoised pass's value is doubted.
+const LITTLE_NOISE: f32 = 0.1;
 
 /// A pass of some rows, in the units of its file.
 pub(super) struct Chosen {
@@ -70,7 +72,7 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
     let picture = Image::mean_of(&mixed[0], &mixed[1]);
     let (picture, doubt) = match &pass.denoised {
         None => (picture, doubt),
-        Some(denoised) => beside_denoised(denoised, picture, doubt, exposure, &mixed, &noisy, &weight),
+        Some(denoised) => beside_denoised(denoised, &picture, exposure, &noisy, &valid),
     };
     let cut = |image: &Image, units: f32, root: bool| {
         let mut rows = image.crop(inner.start, 0, inner.len(), width);
@@ -82,38 +84,45 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
     Chosen { pass: cut(&picture, exposure, false), doubt: cut(&doubt, exposure, true) }
 }
 
-/// The denoised picture, but for places where the halves' own is clearly better; and the squared doubt of it: in proportion
-/// to its value, since nobody judges it.
+/// The denoised picture, but for places without noise, where `picture` is what both halves say; and the square of how wrong it
+/// may be. Nobody judges it, so that is in proportion to its value, and less where the pass is little noisier than
+/// [`LITTLE_NOISE`]: denoisers are right about such passes.
 fn beside_denoised(
     denoised: &Image,
-    picture: Image,
-    doubt: Image,
+    picture: &Image,
     exposure: f32,
-    mixed: &[Image; 2],
     noisy: &[Image; 2],
-    weight: &Image,
+    valid: &Image,
 ) -> (Image, Image) {
-    let mut z = denoised.clone();
-    z.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v *= exposure));
-    let errors = [judged(disagreement(mixed, noisy, weight)), judged(disagreement_of_one(&z, noisy, weight))];
-    let (height, width) = (z.height(), z.width());
-    let is_better = Image::from_rows(1, height, width, |_, y, row| {
-        for (x, v) in row.iter_mut().enumerate() {
-            *v = f32::from(errors[0].at(0, y, x) < CLEARLY_BETTER * errors[1].at(0, y, x));
+    let (height, width, channels) = (valid.height(), valid.width(), picture.channels());
+    let z = Image::from_rows(channels, height, width, |c, y, row| {
+        for ((out, z), own) in row.iter_mut().zip(denoised.row(c, y)).zip(picture.row(c, y)) {
+            *out = if z.is_finite() { z * exposure } else { *own };
         }
     });
-    let share = box_mean(&is_better, FADE_RADIUS);
-    let finite = |v: f32, other: f32| if v.is_finite() { v } else { other };
-    let value = |c: usize, y: usize, x: usize| {
-        let own = picture.at(c, y, x);
-        let z = finite(z.at(c, y, x), own);
-        z + share.at(0, y, x) * (own - z)
+    let mean_square = |value: &(dyn Fn(usize, usize, usize) -> f32 + Sync)| {
+        Image::from_rows(1, height, width, |_, y, row| {
+            for (x, v) in row.iter_mut().enumerate() {
+                *v = (0..channels).map(|c| value(c, y, x).powi(2)).sum::<f32>() / channels as f32;
+            }
+        })
     };
-    let made = Image::from_fn(z.channels(), height, width, value);
-    let doubt = Image::from_fn(1, height, width, |_, y, x| {
-        let size = (0..made.channels()).map(|c| made.at(c, y, x).powi(2)).sum::<f32>() / made.channels() as f32;
-        let s = share.at(0, y, x);
-        s * doubt.at(0, y, x) + (1.0 - s) * size
+    let noise = mean_square(&|c, y, x| 0.5 * (noisy[0].at(c, y, x) - noisy[1].at(c, y, x)));
+    let square = mean_square(&|c, y, x| z.at(c, y, x));
+    let noise = [ERROR_RADIUS, JUDGE_RADIUS].map(|radius| box_mean(&noise, radius));
+    let size = [ERROR_RADIUS, JUDGE_RADIUS].map(|radius| box_mean(&square, radius));
+    let is_still = |y: usize, x: usize| noise[1].at(0, y, x) <= STILL * STILL * size[1].at(0, y, x);
+    let made = Image::from_rows(channels, height, width, |c, y, row| {
+        for (x, v) in row.iter_mut().enumerate() {
+            *v = if is_still(y, x) { picture.at(c, y, x) } else { z.at(c, y, x) };
+        }
+    });
+    let doubt = Image::from_rows(1, height, width, |_, y, row| {
+        for (x, v) in row.iter_mut().enumerate() {
+            let relative = (noise[0].at(0, y, x) / size[0].at(0, y, x).max(f32::MIN_POSITIVE)).sqrt();
+            let factor = if is_still(y, x) { 0.0 } else { relative / (relative + LITTLE_NOISE) };
+            *v = square.at(0, y, x) * factor * factor;
+        }
     });
     (made, doubt)
 }
@@ -138,21 +147,6 @@ fn disagreement(picture: &[Image; 2], noisy: &[Image; 2], weight: &Image) -> Ima
         |c, y, x| {
             (picture[0].at(c, y, x) - noisy[1].at(c, y, x)).powi(2)
                 + (picture[1].at(c, y, x) - noisy[0].at(c, y, x)).powi(2)
-        },
-        noisy[0].channels(),
-    )
-}
-
-fn disagreement_of_one(picture: &Image, noisy: &[Image; 2], weight: &Image) -> Image {
-    squares(
-        weight,
-        |c, y, x| {
-            let z = picture.at(c, y, x);
-            if z.is_finite() {
-                (z - noisy[1].at(c, y, x)).powi(2) + (z - noisy[0].at(c, y, x)).powi(2)
-            } else {
-                f32::MAX
-            }
         },
         noisy[0].channels(),
     )

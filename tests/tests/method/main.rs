@@ -4,4 +4,5 @@ mod bands;
 mod kernels;
 mod means;
 mod objective;
+mod passes;
 mod variants;
