@@ -87,10 +87,6 @@ fn sums_hold_wherever_the_picture_comes_from() {
         let error = frame.sum_error(&folder.path().join("out.exr"));
         assert!(error <= OF_FLOATS, "strength {strength}: {error}");
     }
-    // Without noise there is nothing to change but what the denoiser changed.
-    let still = |file: &str| read_layer(&folder.path().join(file), "RGBA_key", "RGB").crop(0, 48, 33, 2);
-    let (before, after) = (still("a.exr"), still("out.exr"));
-    assert!(before.data().iter().zip(after.data()).all(|(a, b)| (a - b).abs() <= 0.7 * a.abs()), "far from its own");
 }
 
 #[test]
@@ -162,8 +158,6 @@ fn a_pass_of_one_half_or_of_another_size_is_named() {
 fn negative_many_and_oddly_named_passes_are_ordinary() {
     let names: Vec<String> = (0..64).map(|k| format!("light {k}.v1.2 left")).collect();
     let mut frame = LitFrame::new(9, 11, &names.iter().map(String::as_str).collect::<Vec<_>>());
-    frame.picture = "light 0.v1.beauty".into();
-    frame.picture = String::new();
     frame.lights[5].level = -0.02;
     let folder = folder_of(&frame);
     works(folder.path(), &["--passes", "*", "--role", "denoised=denoised"]);

@@ -101,9 +101,7 @@ fn share(target: f64, parts: &mut [f64], doubts: &[f64], factors: &[f64]) {
             .filter(|&k| open[k] && lacking < 0.0 && parts[k] > 0.0 && parts[k] + part(k) < 0.0)
             .collect();
         if emptied.is_empty() {
-            for k in 0..parts.len() {
-                parts[k] += part(k);
-            }
+            parts.iter_mut().enumerate().for_each(|(k, own)| *own += part(k));
             return;
         }
         for k in emptied {

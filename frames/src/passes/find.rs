@@ -27,26 +27,32 @@ pub struct FoundPass {
     pub colour: Option<(String, Vec<usize>)>,
 }
 
-/// The layers of a file that are pictures beside the noisy colour, whose layer is `own`.
-pub fn beside<'a>(layers: &'a Layers, own: &Layer) -> Vec<&'a Layer> {
-    let is_beside = |layer: &&Layer| {
-        layer.view == own.view
-            && layer.plain().group == own.plain().group
-            && !(layer.path == own.path && layer.part == own.part)
-            && layer.channels_for(Role::Radiance).is_some()
+/// The layers of a file that are pictures of the view of the noisy colour, whose layer is `own`, itself left out.
+pub fn others<'a>(layers: &'a Layers, own: &Layer) -> Vec<&'a Layer> {
+    let is_other = |layer: &&Layer| {
+        let is_own = layer.path == own.path && layer.part == own.part;
+        layer.view == own.view && !is_own && layer.channels_for(Role::Radiance).is_some()
     };
-    layers.list.iter().filter(is_beside).collect()
+    layers.list.iter().filter(is_other).collect()
 }
 
-/// Sets of passes beside the noisy colour, as far as names tell.
+/// Sets of passes beside the noisy colour, as far as names tell; `roles` are channels that play other roles, which no `*`
+/// stands for.
 ///
 /// # Errors
 /// A pattern that no layer matches.
-pub fn find(file: &ExrFile, layers: &Layers, own: &Layer, selection: &PassSelection) -> Result<Vec<FoundSet>, Error> {
-    let beside = beside(layers, own);
+pub fn find(
+    file: &ExrFile,
+    layers: &Layers,
+    own: &Layer,
+    roles: &[usize],
+    selection: &PassSelection,
+) -> Result<Vec<FoundSet>, Error> {
+    let others = others(layers, own);
+    let is_beside = |layer: &&&Layer| layer.plain().group == own.plain().group;
     match selection {
-        PassSelection::Recognised => Ok(recognised(&beside)),
-        PassSelection::Named(patterns) => named(file, layers, &beside, patterns).map(|set| vec![set]),
+        PassSelection::Recognised => Ok(recognised(&others.iter().filter(is_beside).copied().collect::<Vec<_>>())),
+        PassSelection::Named(patterns) => named(file, layers, &others, roles, patterns).map(|set| vec![set]),
     }
 }
 
@@ -92,20 +98,28 @@ fn pass(layer: &Layer, beside: &[&Layer]) -> FoundPass {
     FoundPass { name: layer.path.clone(), channels: layer.channels_for(Role::Radiance).unwrap_or_default(), colour }
 }
 
-fn named(file: &ExrFile, layers: &Layers, beside: &[&Layer], patterns: &[String]) -> Result<FoundSet, Error> {
+fn named(
+    file: &ExrFile,
+    layers: &Layers,
+    others: &[&Layer],
+    roles: &[usize],
+    patterns: &[String],
+) -> Result<FoundSet, Error> {
     let mut passes: Vec<FoundPass> = Vec::new();
     for pattern in patterns {
         let wanted = pattern.trim().to_lowercase();
         let names = |layer: &Layer| [layer.path.to_lowercase(), layer.plain().whole(), layer.plain().last.clone()];
-        let mut hits = beside.iter().filter(|layer| names(layer).iter().any(|name| matches(&wanted, name))).peekable();
+        let is_free = |layer: &&&Layer| !wanted.contains('*') || !roles.iter().any(|&channel| layer.holds(channel));
+        let is_hit = |layer: &&&Layer| names(layer).iter().any(|name| matches(&wanted, name));
+        let mut hits = others.iter().filter(is_free).filter(is_hit).peekable();
         if hits.peek().is_none() {
             return Err(Error::Passes {
                 path: file.path.clone(),
-                expected: format!("a layer '{}' beside the noisy colour", shown(pattern)),
+                expected: format!("a layer '{}' of the noisy colour's view", shown(pattern)),
                 found: layers.summary(),
             });
         }
-        for hit in hits.map(|layer| pass(layer, beside)) {
+        for hit in hits.map(|layer| pass(layer, others)) {
             if !passes.contains(&hit) {
                 passes.push(hit);
             }

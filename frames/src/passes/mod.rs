@@ -20,7 +20,7 @@ use crate::output::OutputPlan;
 use crate::resolve::{Filled, Resolution};
 use crate::window::Window;
 use exr::meta::attribute::SampleType;
-use find::{FoundSet, beside, find};
+use find::{FoundSet, find, others};
 use rayon::join;
 use sspc_image::{Buffer, Image, Role, Storage, shown};
 use std::ops::Range;
@@ -110,7 +110,10 @@ impl OpenPasses {
             alpha: None,
         };
         if let Some(selection) = selection {
-            open.find_sets(selection)?;
+            let of_a = |filled: &&Filled| filled.file == a.file && filled.role != Role::Radiance;
+            let roles: Vec<usize> =
+                resolution.filled.iter().filter(of_a).flat_map(|filled| filled.channels.clone()).collect();
+            open.find_sets(selection, &roles)?;
         }
         if alpha {
             open.alpha = Some(open.find_alpha()?);
@@ -118,11 +121,11 @@ impl OpenPasses {
         Ok(open)
     }
 
-    fn find_sets(&mut self, selection: &PassSelection) -> Result<(), Error> {
+    fn find_sets(&mut self, selection: &PassSelection, roles: &[usize]) -> Result<(), Error> {
         let file = &self.files[0];
         let layers = Layers::of(file);
         let Some(own) = layers.layer_of(self.noisy[0].channels[0]) else { unreachable!("colour is in a layer") };
-        let found = find(file, &layers, own, selection)?;
+        let found = find(file, &layers, own, roles, selection)?;
         if found.is_empty() {
             let expected = "light groups or lobes beside the noisy colour, by names that are known";
             return Err(refused(file, expected, &layers.summary()));
@@ -327,7 +330,7 @@ impl OpenPasses {
         let layers = Layers::of(file);
         let own = layers.layer_of(self.noisy[0].channels[0]);
         let is_used = |name: &str| passes.iter().chain(colours).any(|layer| layer.name == name);
-        let others = own.map(|own| beside(&layers, own)).unwrap_or_default();
+        let others = own.map(|own| others(&layers, own)).unwrap_or_default();
         let others: Vec<OpenPass> = others
             .into_iter()
             .filter(|layer| !is_used(&layer.path))
