@@ -2,7 +2,8 @@
 //!
 //! The noise of a half is independent of everything of the other, so ‖f^a - p^b‖² is the error of f^a and a term that is the
 //! same for every candidate (as under the loss): a pass without noise stays as it is, an edge that the picture does not
-//! show is kept by the small window, and noise is averaged over the whole one.
+//! show is kept by the small window, and noise is averaged over the whole one. What is not left to them is how wrong a pass may be
+//! in the end: measured so, noise of the measure gave dim passes the differences of bright ones, and errors doubled.
 
 use super::PassRows;
 use super::filtered::Candidates;
@@ -16,20 +17,20 @@ use std::ops::Range;
 const JUDGE_RADIUS: usize = 5;
 /// Radius over which choices fade into one another.
 const FADE_RADIUS: usize = 2;
-/// Radius over which a pass's own error is told.
-const ERROR_RADIUS: usize = 3;
+/// Radius over which a pass's noise is averaged.
+const NOISE_RADIUS: usize = 3;
 /// Rows around a pixel that it depends on beyond g_c's window.
-pub(super) const REACH: usize = 2 * JUDGE_RADIUS + FADE_RADIUS + ERROR_RADIUS;
+pub(super) const REACH: usize = 2 * JUDGE_RADIUS + FADE_RADIUS + NOISE_RADIUS;
 /// Relative noise of the mean of both halves below which there is none: rounding.
 const STILL: f32 = 1e-3;
-/// Relative noise at which half of a denoised pass's value is doubted.
+/// Relative noise at which half of a pass's value is doubted.
 const LITTLE_NOISE: f32 = 0.1;
 
 /// A pass of some rows, in the units of its file.
 pub(super) struct Chosen {
     /// `[3, rows, W]`.
     pub pass: Image,
-    /// How wrong it may be: a standard deviation, `[1, rows, W]`.
+    /// How wrong it may be, in proportion, `[1, rows, W]`.
     pub doubt: Image,
 }
 
@@ -68,63 +69,61 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
             }
         })
     });
-    let doubt = box_mean(&own_error(&mixed, &noisy, &valid), ERROR_RADIUS);
-    let picture = Image::mean_of(&mixed[0], &mixed[1]);
-    let (picture, doubt) = match &pass.denoised {
-        None => (picture, doubt),
-        Some(denoised) => beside_denoised(denoised, &picture, exposure, &noisy, &valid),
-    };
-    let cut = |image: &Image, units: f32, root: bool| {
-        let mut rows = image.crop(inner.start, 0, inner.len(), width);
-        rows.for_each_row(|_, _, row| {
-            row.iter_mut().for_each(|v| *v = if root { v.max(0.0).sqrt() } else { *v } / units);
-        });
-        rows
-    };
-    Chosen { pass: cut(&picture, exposure, false), doubt: cut(&doubt, exposure, true) }
+    let mut picture = Image::mean_of(&mixed[0], &mixed[1]);
+    if let Some(denoised) = &pass.denoised {
+        picture = beside_denoised(denoised, &picture, exposure, &noisy);
+    }
+    let mut doubt = doubt(&picture, &noisy);
+    for image in [&mut picture, &mut doubt] {
+        *image = image.crop(inner.start, 0, inner.len(), width);
+        image.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v /= exposure));
+    }
+    Chosen { pass: picture, doubt }
 }
 
-/// The denoised picture, but for places without noise, where `picture` is what both halves say; and the square of how wrong it
-/// may be. Nobody judges it, so that is in proportion to its value, and less where the pass is little noisier than
-/// [`LITTLE_NOISE`]: denoisers are right about such passes.
-fn beside_denoised(
-    denoised: &Image,
-    picture: &Image,
-    exposure: f32,
-    noisy: &[Image; 2],
-    valid: &Image,
-) -> (Image, Image) {
-    let (height, width, channels) = (valid.height(), valid.width(), picture.channels());
-    let z = Image::from_rows(channels, height, width, |c, y, row| {
-        for ((out, z), own) in row.iter_mut().zip(denoised.row(c, y)).zip(picture.row(c, y)) {
-            *out = if z.is_finite() { z * exposure } else { *own };
-        }
-    });
-    let mean_square = |value: &(dyn Fn(usize, usize, usize) -> f32 + Sync)| {
-        Image::from_rows(1, height, width, |_, y, row| {
-            for (x, v) in row.iter_mut().enumerate() {
-                *v = (0..channels).map(|c| value(c, y, x).powi(2)).sum::<f32>() / channels as f32;
-            }
-        })
-    };
-    let noise = mean_square(&|c, y, x| 0.5 * (noisy[0].at(c, y, x) - noisy[1].at(c, y, x)));
-    let square = mean_square(&|c, y, x| z.at(c, y, x));
-    let noise = [ERROR_RADIUS, JUDGE_RADIUS].map(|radius| box_mean(&noise, radius));
-    let size = [ERROR_RADIUS, JUDGE_RADIUS].map(|radius| box_mean(&square, radius));
-    let is_still = |y: usize, x: usize| noise[1].at(0, y, x) <= STILL * STILL * size[1].at(0, y, x);
-    let made = Image::from_rows(channels, height, width, |c, y, row| {
+/// The denoised picture, but for places without noise, where `picture` is what both halves say.
+fn beside_denoised(denoised: &Image, picture: &Image, exposure: f32, noisy: &[Image; 2]) -> Image {
+    let noise = box_mean(&noise(noisy), JUDGE_RADIUS);
+    let size = box_mean(&mean_square(picture), JUDGE_RADIUS);
+    Image::from_rows(picture.channels(), picture.height(), picture.width(), |c, y, row| {
+        let (denoised, own) = (denoised.row(c, y), picture.row(c, y));
         for (x, v) in row.iter_mut().enumerate() {
-            *v = if is_still(y, x) { picture.at(c, y, x) } else { z.at(c, y, x) };
+            let is_still = noise.at(0, y, x) <= STILL * STILL * size.at(0, y, x);
+            *v = if is_still || !denoised[x].is_finite() { own[x] } else { denoised[x] * exposure };
         }
-    });
-    let doubt = Image::from_rows(1, height, width, |_, y, row| {
+    })
+}
+
+/// How wrong a pass may be, `[1, H, W]`: in proportion to its value, and less where it is little noisier than [`LITTLE_NOISE`].
+fn doubt(picture: &Image, noisy: &[Image; 2]) -> Image {
+    let square = mean_square(picture);
+    let (noise, size) = (box_mean(&noise(noisy), NOISE_RADIUS), box_mean(&square, NOISE_RADIUS));
+    Image::from_rows(1, picture.height(), picture.width(), |_, y, row| {
         for (x, v) in row.iter_mut().enumerate() {
-            let relative = (noise[0].at(0, y, x) / size[0].at(0, y, x).max(f32::MIN_POSITIVE)).sqrt();
-            let factor = if is_still(y, x) { 0.0 } else { relative / (relative + LITTLE_NOISE) };
-            *v = square.at(0, y, x) * factor * factor;
+            let relative = (noise.at(0, y, x) / size.at(0, y, x).max(f32::MIN_POSITIVE)).sqrt();
+            // Noise without any value is no less noisy than all noise.
+            let share = if relative.is_finite() { relative / (relative + LITTLE_NOISE) } else { 1.0 };
+            *v = square.at(0, y, x).sqrt() * share;
+        }
+    })
+}
+
+/// Squared noise of the mean of both halves, a value of one channel.
+fn noise(noisy: &[Image; 2]) -> Image {
+    let difference = Image::from_rows(noisy[0].channels(), noisy[0].height(), noisy[0].width(), |c, y, row| {
+        for ((v, a), b) in row.iter_mut().zip(noisy[0].row(c, y)).zip(noisy[1].row(c, y)) {
+            *v = 0.5 * (a - b);
         }
     });
-    (made, doubt)
+    mean_square(&difference)
+}
+
+fn mean_square(image: &Image) -> Image {
+    Image::from_rows(1, image.height(), image.width(), |_, y, row| {
+        for (x, v) in row.iter_mut().enumerate() {
+            *v = (0..image.channels()).map(|c| image.at(c, y, x).powi(2)).sum::<f32>() / image.channels() as f32;
+        }
+    })
 }
 
 /// 1 / (mean² + ε) of a pass, 0 where it is missing.
@@ -163,20 +162,4 @@ fn squares(weight: &Image, of: impl Fn(usize, usize, usize) -> f32 + Sync, chann
 
 fn judged(error: Image) -> Image {
     box_mean(&box_mean(&error, JUDGE_RADIUS), JUDGE_RADIUS)
-}
-
-/// Squared error of the mean of both halves' pictures, a value of one channel: their variance, and what both are wrong by.
-fn own_error(picture: &[Image; 2], noisy: &[Image; 2], valid: &Image) -> Image {
-    let channels = noisy[0].channels();
-    Image::from_rows(1, valid.height(), valid.width(), |_, y, row| {
-        let valid = valid.row(0, y);
-        for (x, v) in row.iter_mut().enumerate() {
-            let of = |c: usize| {
-                let [a, b] = [0, 1].map(|h| picture[h].at(c, y, x));
-                let both = (noisy[0].at(c, y, x) - a) * (noisy[1].at(c, y, x) - b);
-                0.25 * (a - b).powi(2) + if valid[x] > 0.0 { both } else { 0.0 }
-            };
-            *v = (0..channels).map(of).sum::<f32>() / channels as f32;
-        }
-    })
 }
