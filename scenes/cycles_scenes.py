@@ -100,7 +100,7 @@ def product():
 
 
 def stage():
-    """Three coloured lamps, a shining sign, glass, metal and a little smoke under a dim sky: every lobe and many lights."""
+    """Three coloured lamps, a shining sign, glass, metal and smoke under a dim sky: every lobe and many lights."""
     plane((0, 0, 0), 7, principled("boards", textures.planks(2048, 12), repeat=2, roughness=0.3, bump=0.2))
     wall = plane((0, 3.2, 2), 7, principled("bricks", textures.bricks(), repeat=2, roughness=0.8))
     wall.rotation_euler = (math.radians(90), 0, 0)
@@ -108,7 +108,9 @@ def stage():
     glass.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
     ball((-0.5, -0.7, 0.42), 0.42, glass)
     ball((0.75, 0.1, 0.5), 0.5, principled("copper", (0.92, 0.55, 0.38), roughness=0.25, metallic=1.0))
-    cube((-1.7, 0.5, 0.55), (0.45, 0.45, 0.55), principled("crate", textures.speckle(), repeat=1, roughness=0.6), turn=25)
+    cube(
+        (-1.7, 0.5, 0.55), (0.45, 0.45, 0.55), principled("crate", textures.speckle(), repeat=1, roughness=0.6), turn=25
+    )
     ball((1.75, -0.5, 0.32), 0.32, principled("cloth", textures.weave(512, 30), repeat=3, roughness=0.8))
     sign = principled("sign", (0.1, 0.1, 0.1))
     surface = sign.node_tree.nodes["Principled BSDF"]

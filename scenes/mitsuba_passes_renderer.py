@@ -6,10 +6,6 @@ Mitsuba has no light groups; the names are ours.
 import tempfile
 from pathlib import Path
 
-
-
-
-
 from . import mitsuba_renderer, mitsuba_scenes
 
 # More lights than this share that many groups.

@@ -38,9 +38,7 @@ def main(arguments=None):
     for scene in options.scene or SCENES:
         renderer, reference_spp = SCENES[scene]
         wanted = [(f"{spp}spp", spp // 2) for spp in options.spp] + [("ref", reference_spp)]
-        due = [
-            (options.output / scene / f"{name}.{half}.exr", spp, half) for name, spp in wanted for half in "ab"
-        ]
+        due = [(options.output / scene / f"{name}.{half}.exr", spp, half) for name, spp in wanted for half in "ab"]
         due = [(path, spp, half) for path, spp, half in due if not path.is_file()]
         if due:
             with Worker(renderer, scene, options.size, 10, options.threads) as worker:

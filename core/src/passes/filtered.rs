@@ -10,6 +10,7 @@ use sspc_kernels::gc::Taps;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::{PaddedPlanes, Windows};
+use std::ops::Range;
 
 /// Radius of the small window: details that the passes of both halves agree on.
 const SMALL_RADIUS: usize = 3;
@@ -36,8 +37,11 @@ pub(super) struct Filter<'a> {
     pub taps: &'a Taps,
 }
 
+/// The passes of one half, averaged over the whole window and over the small one, `[window][pass]`.
+type Averaged = [Vec<Image>; 2];
+
 impl Filter<'_> {
-    /// The candidates of every pass of a band.
+    /// The candidates of every pass of a band: the mean over the networks, each with weights of its own.
     pub fn run<S: ParameterSource + ?Sized>(
         &self,
         prepared: &Prepared,
@@ -46,74 +50,92 @@ impl Filter<'_> {
         passes: &[PassRows],
     ) -> Result<Vec<Candidates>, S::Error> {
         let valid = validity(prepared, passes);
-        let is_missing = valid.plane(0).contains(&0.0);
         let noisy = [0, 1].map(|h| -> Vec<Image> {
-            let of = |pass: &PassRows| in_units(&pass.halves[h], prepared.exposure, &valid);
-            passes.iter().map(of).collect()
+            passes.iter().map(|pass| in_units(&pass.halves[h], prepared.exposure, &valid)).collect()
         });
-        let mut averaged = [noisy.clone(), noisy.clone()];
-        let networks = prepared.networks();
-        for k in 0..networks {
+        let mut averaged: [Averaged; 2] = noisy.each_ref().map(|noisy| [noisy.clone(), noisy.clone()]);
+        for k in 0..prepared.networks() {
             let of_network = prepared.of_variant(k);
             for top in (0..prepared.height()).step_by(ROWS_AT_ONCE) {
                 let rows = top..(top + ROWS_AT_ONCE).min(prepared.height());
                 let plan = computed.of_rows(rows.clone());
-                if plan.is_idle() {
-                    continue;
+                for h in (0..2).filter(|_| !plan.is_idle()) {
+                    let parameters = parameters(source, k, &of_network.halves[h], computed, rows.clone())?;
+                    let strip =
+                        Strip { prepared: &of_network, h, rows: rows.clone(), plan: &plan, parameters: &parameters };
+                    self.average(&strip, &valid, &noisy[h], (k, prepared.networks()), &mut averaged[h]);
                 }
-                for h in 0..2 {
-                    let p = parameters(source, k, &of_network.halves[h], computed, rows.clone())?;
-                    let size = (prepared.height(), prepared.width());
-                    let radius = self.taps.radius();
-                    let features =
-                        |c: usize, y: usize, row: &mut [f32]| of_network.feature_row(h, Guides::Full, c, y, row);
-                    let mask = is_missing.then_some(&valid);
-                    let windows = Windows::of_rows(size, rows.clone(), features, mask, prepared.set, radius);
-                    let channels: Vec<(usize, usize)> =
-                        noisy[h].iter().enumerate().flat_map(|(k, i)| (0..i.channels()).map(move |c| (k, c))).collect();
-                    let fill = |c: usize, y: usize, row: &mut [f32]| {
-                        let (pass, c) = channels[c];
-                        row.copy_from_slice(noisy[h][pass].row(c, y));
-                    };
-                    let planes = PaddedPlanes::of_rows(size, rows.clone(), channels.len(), fill, radius);
-                    let small = Taps::square(SMALL_RADIUS.min(radius));
-                    for (taps, averaged) in [self.taps, &small].into_iter().zip(&mut averaged) {
-                        let found = means(self.isa, self.form, &windows, &planes, taps, &p, &plan);
-                        for (region, values) in found {
-                            for (values, (pass, c)) in values.chunks_exact(region.pixels()).zip(&channels) {
-                                let plane = averaged[h][*pass].plane_mut(*c);
-                                for (y, values) in values.chunks_exact(region.width).enumerate() {
-                                    let at = (rows.start + region.top + y) * prepared.width() + region.left;
-                                    let row = &mut plane[at..at + region.width];
-                                    // The first network's take the place of the noisy values.
-                                    for (sum, value) in row.iter_mut().zip(values) {
-                                        let value = value / networks as f32;
-                                        *sum = if k == 0 { value } else { *sum + value };
-                                    }
-                                }
-                            }
+            }
+        }
+        let [a, b] = averaged;
+        let [[whole_a, small_a], [whole_b, small_b]] = [a, b];
+        let [noisy_a, noisy_b] = noisy;
+        let both = |a: Vec<Image>, b: Vec<Image>| a.into_iter().zip(b).map(|(a, b)| [a, b]);
+        let all = both(noisy_a, noisy_b).zip(both(whole_a, whole_b)).zip(both(small_a, small_b));
+        let candidates = |((mut noisy, whole), small): (([Image; 2], [Image; 2]), [Image; 2])| {
+            noisy.iter_mut().zip(&whole).for_each(|(noisy, whole)| fill_missing(noisy, whole, &valid));
+            Candidates { noisy, whole, small, valid: valid.clone() }
+        };
+        Ok(all.map(candidates).collect())
+    }
+
+    /// Puts the means of a strip in their place, as the part of network `k` of `networks`.
+    fn average(
+        &self,
+        strip: &Strip,
+        valid: &Image,
+        noisy: &[Image],
+        (k, networks): (usize, usize),
+        averaged: &mut Averaged,
+    ) {
+        let Strip { prepared, h, rows, plan, parameters } = strip;
+        let (size, radius) = ((prepared.height(), prepared.width()), self.taps.radius());
+        let features = |c: usize, y: usize, row: &mut [f32]| prepared.feature_row(*h, Guides::Full, c, y, row);
+        let mask = valid.plane(0).contains(&0.0).then_some(valid);
+        let windows = Windows::of_rows(size, rows.clone(), features, mask, prepared.set, radius);
+        let planes_of = |(pass, image): (usize, &Image)| (0..image.channels()).map(move |c| (pass, c));
+        let planes: Vec<(usize, usize)> = noisy.iter().enumerate().flat_map(planes_of).collect();
+        let fill = |plane: usize, y: usize, row: &mut [f32]| {
+            let (pass, c) = planes[plane];
+            row.copy_from_slice(noisy[pass].row(c, y));
+        };
+        let padded = PaddedPlanes::of_rows(size, rows.clone(), planes.len(), fill, radius);
+        let small = Taps::square(SMALL_RADIUS.min(radius));
+        for (taps, averaged) in [self.taps, &small].into_iter().zip(averaged) {
+            for (region, values) in means(self.isa, self.form, &windows, &padded, taps, parameters, plan) {
+                for (values, (pass, c)) in values.chunks_exact(region.pixels()).zip(&planes) {
+                    let plane = averaged[*pass].plane_mut(*c);
+                    for (y, values) in values.chunks_exact(region.width).enumerate() {
+                        let at = (rows.start + region.top + y) * prepared.width() + region.left;
+                        for (sum, value) in plane[at..at + region.width].iter_mut().zip(values) {
+                            let value = value / networks as f32;
+                            // The first network's take the place of the noisy values.
+                            *sum = if k == 0 { value } else { *sum + value };
                         }
                     }
                 }
             }
         }
-        let [whole, small] = averaged;
-        let both = |[a, b]: [Vec<Image>; 2]| a.into_iter().zip(b).map(|(a, b)| [a, b]);
-        let all = both(noisy).zip(both(whole)).zip(both(small));
-        Ok(all
-            .map(|((mut noisy, whole), small)| {
-                for (noisy, whole) in noisy.iter_mut().zip(&whole).filter(|_| is_missing) {
-                    noisy.for_each_row(|c, y, row| {
-                        let (valid, whole) = (valid.row(0, y), whole.row(c, y));
-                        for (x, value) in row.iter_mut().enumerate().filter(|(x, _)| valid[*x] == 0.0) {
-                            *value = whole[x];
-                        }
-                    });
-                }
-                Candidates { noisy, whole, small, valid: valid.clone() }
-            })
-            .collect())
     }
+}
+
+/// Rows of a half that are averaged at a time.
+struct Strip<'a> {
+    prepared: &'a Prepared,
+    h: usize,
+    rows: Range<usize>,
+    /// Of the rows alone.
+    plan: &'a Plan,
+    parameters: &'a Image,
+}
+
+/// Gives missing pixels the values of the whole window.
+fn fill_missing(noisy: &mut Image, whole: &Image, valid: &Image) {
+    noisy.for_each_row(|c, y, row| {
+        for ((value, whole), valid) in row.iter_mut().zip(whole.row(c, y)).zip(valid.row(0, y)) {
+            *value = if *valid == 0.0 { *whole } else { *value };
+        }
+    });
 }
 
 /// Where the picture's pixels and those of all passes are there.
