@@ -64,8 +64,9 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
     let shares = [0, 1, 2].map(share);
     let mixed = [0, 1].map(|h| {
         Image::from_rows(noisy[h].channels(), height, width, |c, y, row| {
-            for (x, v) in row.iter_mut().enumerate() {
-                *v = (0..3).map(|j| shares[j].at(0, y, x) * candidates[j][h].at(c, y, x)).sum();
+            for (shares, candidate) in shares.iter().zip(candidates) {
+                let terms = shares.row(0, y).iter().zip(candidate[h].row(c, y));
+                row.iter_mut().zip(terms).for_each(|(v, (share, value))| *v += share * value);
             }
         })
     });
@@ -120,8 +121,8 @@ fn noise(noisy: &[Image; 2]) -> Image {
 
 fn mean_square(image: &Image) -> Image {
     Image::from_rows(1, image.height(), image.width(), |_, y, row| {
-        for (x, v) in row.iter_mut().enumerate() {
-            *v = (0..image.channels()).map(|c| image.at(c, y, x).powi(2)).sum::<f32>() / image.channels() as f32;
+        for c in 0..image.channels() {
+            row.iter_mut().zip(image.row(c, y)).for_each(|(v, value)| *v += value * value / image.channels() as f32);
         }
     })
 }
@@ -141,21 +142,16 @@ fn weight(whole: &[Image; 2], valid: &Image) -> Image {
 
 /// Weighted squared distance of each half's picture from the other half's noisy pass.
 fn disagreement(picture: &[Image; 2], noisy: &[Image; 2], weight: &Image) -> Image {
-    squares(
-        weight,
-        |c, y, x| {
-            (picture[0].at(c, y, x) - noisy[1].at(c, y, x)).powi(2)
-                + (picture[1].at(c, y, x) - noisy[0].at(c, y, x)).powi(2)
-        },
-        noisy[0].channels(),
-    )
-}
-
-fn squares(weight: &Image, of: impl Fn(usize, usize, usize) -> f32 + Sync, channels: usize) -> Image {
     Image::from_rows(1, weight.height(), weight.width(), |_, y, row| {
-        let weight = weight.row(0, y);
-        for (x, v) in row.iter_mut().enumerate().filter(|(x, _)| weight[*x] > 0.0) {
-            *v = weight[x] * (0..channels).map(|c| of(c, y, x)).sum::<f32>();
+        for c in 0..noisy[0].channels() {
+            for (picture, noisy) in [(&picture[0], &noisy[1]), (&picture[1], &noisy[0])] {
+                for ((v, picture), noisy) in row.iter_mut().zip(picture.row(c, y)).zip(noisy.row(c, y)) {
+                    *v += (picture - noisy).powi(2);
+                }
+            }
+        }
+        for (v, weight) in row.iter_mut().zip(weight.row(0, y)) {
+            *v = if *weight > 0.0 { *v * weight } else { 0.0 };
         }
     })
 }

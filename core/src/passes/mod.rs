@@ -15,8 +15,6 @@ mod choice;
 mod filtered;
 mod shares;
 
-pub use shares::{Stored, settle};
-
 use crate::correct::{BandSource, CorrectionSettings};
 use crate::plan::Plan;
 use crate::tiles::ParameterSource;
@@ -28,8 +26,12 @@ use sspc_image::{Image, Storage};
 use sspc_kernels::gc::Taps;
 use std::ops::Range;
 
-/// Rows of a band.
-const BAND_ROWS: usize = 64;
+/// Memory that a band may take.
+const BAND_BYTES: usize = 512 << 20;
+/// What a pixel of a band takes of each pass: both halves as read, in the method's units and averaged over two windows.
+const BYTES_PER_PASS: usize = 4 * 2 * 3 * size_of::<f32>();
+/// Fewest rows of a band.
+const LEAST_ROWS: usize = 48;
 
 /// Which passes there are.
 #[derive(Clone, Debug, Default)]
@@ -111,8 +113,9 @@ pub fn split<B: BandSource, P: ParameterSource + ?Sized, S: PassSource>(
     let frame_trust = frame.stats().trust();
     let mut report = SumReport::default();
     let largest = picture.data().iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
-    // A frame that comes whole comes once.
-    let step = how.rows.unwrap_or(BAND_ROWS).next_multiple_of(crate::estimate::BLOCK);
+    let fitting = BAND_BYTES / (BYTES_PER_PASS * layout.storage.len().max(1) * width.max(1));
+    let fitting = fitting.saturating_sub(2 * around).max(LEAST_ROWS);
+    let step = how.rows.unwrap_or(fitting).next_multiple_of(crate::estimate::BLOCK);
     for top in (0..height).step_by(step) {
         if stop() {
             return Err(SplitError::Interrupted);

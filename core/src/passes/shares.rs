@@ -36,7 +36,8 @@ pub(super) fn share_out(
     let of_row = |c: usize, y: usize| {
         let mut out = vec![0.0f32; count * width];
         let (mut error, mut unplaced) = (0.0f64, 0);
-        let (mut parts, mut doubts, mut factors) = (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
+        let [mut parts, mut doubts, mut factors, mut weights] = [(); 4].map(|()| vec![0.0; count]);
+        let mut values = vec![0.0f32; count];
         for x in 0..width {
             let target = f64::from(picture.at(c, y, x));
             for k in 0..count {
@@ -45,8 +46,8 @@ pub(super) fn share_out(
                 parts[k] = factors[k] * f64::from(chosen[k].pass.at(c, y, x));
                 doubts[k] = factors[k].abs() * f64::from(chosen[k].doubt.at(0, y, x));
             }
-            share(target, &mut parts, &doubts, &factors);
-            let values = settle(target, &parts, &factors, storage);
+            share(target, &mut parts, &doubts, &factors, &mut weights);
+            settle(target, &parts, &factors, storage, &mut values);
             let sum: f64 = values.iter().zip(&factors).map(|(v, f)| f64::from(*v) * f).sum();
             if factors.iter().all(|f| *f == 0.0) {
                 // Times nothing, any value does: the pass keeps its own.
@@ -54,7 +55,7 @@ pub(super) fn share_out(
             } else if target.abs() >= DARK * f64::from(largest) {
                 error = error.max((sum - target).abs() / target.abs().max(f64::MIN_POSITIVE));
             }
-            for (k, value) in values.into_iter().enumerate() {
+            for (k, &value) in values.iter().enumerate() {
                 let value =
                     if factors[k] == 0.0 { storage[k].round(f64::from(chosen[k].pass.at(c, y, x))) } else { value };
                 out[k * width + x] = value;
@@ -78,57 +79,57 @@ pub(super) fn share_out(
     }
 }
 
-/// Changes `parts` so that they add up to `target`; only those with a factor that is not 0 change.
-fn share(target: f64, parts: &mut [f64], doubts: &[f64], factors: &[f64]) {
+/// Changes `parts` so that they add up to `target`; only those with a factor that is not 0 change. `weights` is room for as
+/// many values.
+fn share(target: f64, parts: &mut [f64], doubts: &[f64], factors: &[f64], weights: &mut [f64]) {
     let mut lacking = target - parts.iter().sum::<f64>();
-    let mut open: Vec<bool> = factors.iter().map(|f| *f != 0.0).collect();
-    // Every round but the last closes a pass.
-    for _ in 0..=parts.len() {
-        if lacking == 0.0 {
-            return;
-        }
-        let weight = |k: usize, parts: &[f64]| {
-            if open[k] { parts[k].abs() * (doubts[k] + LEAST_DOUBT * parts[k].abs()) } else { 0.0 }
-        };
-        let weights: Vec<f64> = (0..parts.len()).map(|k| weight(k, parts)).collect();
+    for ((weight, part), (doubt, factor)) in weights.iter_mut().zip(&*parts).zip(doubts.iter().zip(factors)) {
+        *weight = if *factor == 0.0 { 0.0 } else { part.abs() * (doubt + LEAST_DOUBT * part.abs()) };
+    }
+    // Every round but the last empties a pass.
+    while lacking != 0.0 {
         let total: f64 = weights.iter().sum();
-        if total <= 0.0 || !total.is_normal() {
+        if !total.is_normal() {
             break;
         }
         // Passes that would become negative give all they have, and the others go on.
-        let part = |k: usize| lacking * weights[k] / total;
-        let emptied: Vec<usize> = (0..parts.len())
-            .filter(|&k| open[k] && lacking < 0.0 && parts[k] > 0.0 && parts[k] + part(k) < 0.0)
-            .collect();
-        if emptied.is_empty() {
-            parts.iter_mut().enumerate().for_each(|(k, own)| *own += part(k));
+        let ratio = lacking / total;
+        let mut taken = 0.0;
+        for (part, weight) in parts.iter_mut().zip(weights.iter_mut()) {
+            if *part > 0.0 && *weight > 0.0 && *part + ratio * *weight < 0.0 {
+                taken += *part;
+                (*part, *weight) = (0.0, 0.0);
+            }
+        }
+        if taken == 0.0 {
+            parts.iter_mut().zip(weights).for_each(|(part, weight)| *part += ratio * *weight);
             return;
         }
-        for k in emptied {
-            lacking += parts[k];
-            parts[k] = 0.0;
-            open[k] = false;
-        }
+        lacking += taken;
     }
     // Nothing says whose it is: passes without a colour first, evenly.
-    let sizes: Vec<f64> = factors.iter().map(|f| f.abs()).collect();
-    let total: f64 = sizes.iter().sum();
-    for (part, size) in parts.iter_mut().zip(&sizes).filter(|_| total > 0.0) {
-        *part += lacking * size / total;
+    let total: f64 = factors.iter().map(|f| f.abs()).sum();
+    for (part, factor) in parts.iter_mut().zip(factors).filter(|_| total > 0.0) {
+        *part += lacking * factor.abs() / total;
     }
 }
 
-/// Rounds `parts` that add up to `target`: what is kept of each, divided by its factor. The one that is largest takes up what
-/// rounding changed.
-pub fn settle(target: f64, parts: &[f64], factors: &[f64], storage: &[Storage]) -> Vec<f32> {
+/// Rounds `parts` that add up to `target`: `values` become what is kept of each, divided by its factor. The one that is largest
+/// takes up what rounding changed.
+fn settle(target: f64, parts: &[f64], factors: &[f64], storage: &[Storage], values: &mut [f32]) {
     let value = |k: usize, part: f64| if factors[k] == 0.0 { 0.0 } else { storage[k].round(part / factors[k]) };
-    let mut values: Vec<f32> = (0..parts.len()).map(|k| value(k, parts[k])).collect();
-    let usable = (0..parts.len()).filter(|&k| factors[k] != 0.0);
-    if let Some(largest) = usable.max_by(|&i, &j| parts[i].abs().total_cmp(&parts[j].abs())) {
-        let others = (0..parts.len()).filter(|&k| k != largest).map(|k| f64::from(values[k]) * factors[k]);
-        values[largest] = value(largest, target - others.sum::<f64>());
+    let (mut largest, mut sum) = (None, 0.0);
+    for k in 0..parts.len() {
+        values[k] = value(k, parts[k]);
+        sum += f64::from(values[k]) * factors[k];
+        if factors[k] != 0.0 && largest.is_none_or(|largest: usize| parts[k].abs() >= parts[largest].abs()) {
+            largest = Some(k);
+        }
     }
-    values
+    if let Some(largest) = largest {
+        let others = sum - f64::from(values[largest]) * factors[largest];
+        values[largest] = value(largest, target - others);
+    }
 }
 
 #[cfg(test)]
@@ -137,7 +138,7 @@ mod tests {
 
     fn shared(target: f64, parts: &[f64], doubts: &[f64], factors: &[f64]) -> Vec<f64> {
         let mut parts = parts.to_vec();
-        share(target, &mut parts, doubts, factors);
+        share(target, &mut parts, doubts, factors, &mut vec![0.0; factors.len()]);
         assert!((parts.iter().sum::<f64>() - target).abs() <= 1e-12 * target.abs().max(1.0), "{parts:?}");
         parts
     }
@@ -164,7 +165,7 @@ mod tests {
     fn what_nobody_has_goes_where_it_can_be_written() {
         assert_eq!(shared(0.3, &[0.0, 0.0], &[0.0, 0.0], &[0.0, 1.0]), [0.0, 0.3]);
         let mut lost = vec![0.0];
-        share(0.3, &mut lost, &[0.0], &[0.0]);
+        share(0.3, &mut lost, &[0.0], &[0.0], &mut [0.0]);
         assert_eq!(lost, [0.0]);
     }
 
@@ -173,7 +174,8 @@ mod tests {
         let parts = [0.1, 3.0, 1.234, 0.0007];
         let target = f64::from(Storage::Half.round(parts.iter().sum()));
         let factors = [1.0, 0.37, 1.0, 0.0];
-        let values = settle(target, &parts, &factors, &[Storage::Half; 4]);
+        let mut values = [0.0; 4];
+        settle(target, &parts, &factors, &[Storage::Half; 4], &mut values);
         let sum: f64 = values.iter().zip(&factors).map(|(v, f)| f64::from(*v) * f).sum();
         // Half an ulp of the largest pass: at most 2^-11 of it.
         assert!((sum - target).abs() <= 3.0 / 2048.0, "{sum} for {target}");
