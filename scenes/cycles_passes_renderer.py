@@ -1,10 +1,6 @@
 """Blender Cycles with all its lobes and a light group for every lamp: channels as Blender's own file names them."""
 
-import tempfile
-from pathlib import Path
-
 import bpy
-import OpenEXR
 
 from . import cycles_renderer
 
@@ -34,14 +30,4 @@ class Renderer(cycles_renderer.Renderer):
 
     def render(self, spp, seed):
         """Channels by name, (height, width) each."""
-        scene = bpy.context.scene
-        scene.cycles.samples, scene.cycles.seed = spp, seed
-        with tempfile.TemporaryDirectory() as folder:
-            scene.render.filepath = str(Path(folder) / "pass.exr")
-            bpy.ops.render.render(write_still=True)
-            file = OpenEXR.File(scene.render.filepath, separate_channels=True)
-            channels = {}
-            for part in file.parts:
-                for name, channel in part.channels.items():
-                    channels[name if "." in name else f"{part.name()}.{name}"] = channel.pixels
-            return channels
+        return self.channels(spp, seed)
