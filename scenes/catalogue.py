@@ -30,6 +30,7 @@ SCENES = {
         Scene("leaves", "mitsuba", "thousands of leaves before an empty background: half of the frame is black"),
         Scene("fur-and-cloth", "cycles", "hair balls and woven cloth out of focus: noisy features", 512),
         Scene("motion", "cycles", "fast textured objects with motion blur: noisy features", 512),
+        Scene("stage", "cycles", "lamps, a shining sign, glass, metal and smoke: every lobe and many lights", 512),
         Scene("product", "cycles", "bumpy wood and ceramic in soft light: little noise, much texture", 512),
     )
 }

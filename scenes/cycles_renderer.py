@@ -41,14 +41,18 @@ class Renderer:
 
     def render(self, spp, seed):
         """Buffers of (height, width, channels) by role."""
+        channels = self.channels(spp, seed)
+        return {role: plane_of(channels, *names) for role, names in PASSES.items()}
+
+    def channels(self, spp, seed):
+        """Every channel of Blender's own file by its name, (height, width)."""
         scene = bpy.context.scene
         scene.cycles.samples, scene.cycles.seed = spp, seed
         with tempfile.TemporaryDirectory() as folder:
             scene.render.filepath = str(Path(folder) / "pass.exr")
             bpy.ops.render.render(write_still=True)
             file = OpenEXR.File(scene.render.filepath, separate_channels=True)
-            channels = {name: channel.pixels for part in file.parts for name, channel in part.channels.items()}
-        return {role: plane_of(channels, *names) for role, names in PASSES.items()}
+            return {name: channel.pixels for part in file.parts for name, channel in part.channels.items()}
 
 
 def plane_of(channels, name, letters):

@@ -9,7 +9,7 @@ from . import textures
 
 
 def build(name):
-    {"fur-and-cloth": fur_and_cloth, "motion": motion, "product": product}[name]()
+    {"fur-and-cloth": fur_and_cloth, "motion": motion, "product": product, "stage": stage}[name]()
 
 
 def fur_and_cloth():
@@ -97,6 +97,43 @@ def product():
     area_light((3.0, -1.5, 3.0), (0, 0, 0.4), size=2.5, watts=90)
     sky((1.0, 1.0, 1.0), 0.25)
     camera((0.2, -4.6, 1.9), (0.1, 0.0, 0.38), lens=50)
+
+
+def stage():
+    """Three coloured lamps, a shining sign, glass, metal and smoke under a dim sky: every lobe and many lights."""
+    plane((0, 0, 0), 7, principled("boards", textures.planks(2048, 12), repeat=2, roughness=0.3, bump=0.2))
+    wall = plane((0, 3.2, 2), 7, principled("bricks", textures.bricks(), repeat=2, roughness=0.8))
+    wall.rotation_euler = (math.radians(90), 0, 0)
+    glass = principled("glass", (0.9, 0.97, 0.95), roughness=0.02)
+    glass.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
+    ball((-0.5, -0.7, 0.42), 0.42, glass)
+    ball((0.75, 0.1, 0.5), 0.5, principled("copper", (0.92, 0.55, 0.38), roughness=0.25, metallic=1.0))
+    cube(
+        (-1.7, 0.5, 0.55), (0.45, 0.45, 0.55), principled("crate", textures.speckle(), repeat=1, roughness=0.6), turn=25
+    )
+    ball((1.75, -0.5, 0.32), 0.32, principled("cloth", textures.weave(512, 30), repeat=3, roughness=0.8))
+    sign = principled("sign", (0.1, 0.1, 0.1))
+    surface = sign.node_tree.nodes["Principled BSDF"]
+    surface.inputs["Emission Color"].default_value = (0.2, 0.5, 1.0, 1)
+    surface.inputs["Emission Strength"].default_value = 12.0
+    cube((0.1, 2.9, 1.6), (0.9, 0.03, 0.06), sign).lightgroup = "sign"
+    smoke = bpy.data.materials.new("smoke")
+    smoke.use_nodes = True
+    scatter = smoke.node_tree.nodes.new("ShaderNodeVolumeScatter")
+    scatter.inputs["Density"].default_value = 0.3
+    smoke.node_tree.nodes.remove(smoke.node_tree.nodes["Principled BSDF"])
+    smoke.node_tree.links.new(scatter.outputs["Volume"], smoke.node_tree.nodes["Material Output"].inputs["Volume"])
+    cube((-2.6, 2.0, 1.2), (0.7, 0.7, 1.1), smoke)
+    for name, place, size, watts, colour in (
+        ("key", (-3.0, -2.5, 3.8), 0.6, 260, (1.0, 0.85, 0.65)),
+        ("rim", (2.8, 2.0, 2.6), 0.3, 160, (0.5, 0.7, 1.0)),
+        ("fill", (3.0, -3.0, 2.0), 1.5, 60, (1.0, 0.45, 0.35)),
+    ):
+        area_light(place, (0, 0, 0.5), size, watts)
+        lamp = bpy.context.scene.collection.objects[-1]
+        lamp.data.color, lamp.lightgroup = colour, name
+    sky((0.30, 0.38, 0.50), 0.15)
+    camera((0.2, -5.2, 1.9), (0.05, 0.2, 0.6), lens=42)
 
 
 # Parts that scenes are made of.

@@ -8,7 +8,7 @@ use crate::output::{Output, role_line};
 use clap::Args;
 use serde::Serialize;
 use sspc_frames::open::NoisyHalf;
-use sspc_frames::{Made, MadeVariant, OpenFrame, RoleOverrides};
+use sspc_frames::{Made, MadeVariant, OpenFrame, OpenPasses, RoleOverrides};
 use sspc_image::{Buffer, CompactImage, Image, Role};
 use sspc_oidn::buffers::mean_of_finite;
 use sspc_oidn::{Mode, Oidn, OidnError, Picture, Quality, Rows, Run};
@@ -25,6 +25,8 @@ const DEFAULT_QUALITY: Quality = Quality::High;
 const ROWS: usize = 256;
 /// The mode where none is asked for.
 const DEFAULT_MODES: &[Mode] = &[Mode::Aux];
+/// A pass whose sum is below this share of its size subtracts light.
+const POSITIVE: f64 = 0.999;
 /// What is denoised.
 const BUFFERS: [Buffer; 3] = [Buffer::A, Buffer::B, Buffer::Full];
 
@@ -178,6 +180,27 @@ impl<'a> Denoising<'a> {
         }))
     }
 
+    /// A denoised picture of every pass, of both halves together: guided by albedo and normal as rendered, in the quality
+    /// that is asked for, else `fast`: what it lacks is made up for when the passes are made to add up. `None` for a pass
+    /// without noise, and for one with light that is subtracted, which the library does not know.
+    ///
+    /// # Errors
+    /// As [`Self::supply`].
+    pub fn passes(&self, open: &OpenFrame, passes: &OpenPasses) -> Result<Vec<Option<CompactImage>>, Failure> {
+        let oidn = self.library(open)?;
+        let quality = self.args.oidn_quality.unwrap_or(Quality::Fast);
+        let run = Run { quality, max_memory: MAX_MEMORY, asked_to_stop: interrupt::asked };
+        let mode = Mode::Aux.with(open.has(Role::Albedo, Buffer::A));
+        (0..passes.passes.len())
+            .map(|k| {
+                interrupt::check()?;
+                let Some(picture) = read_pass(open, passes, k)? else { return Ok(None) };
+                let denoised = oidn.denoise(picture, &[mode], &run).map_err(failure)?;
+                Ok(denoised.into_iter().next().map(|made| made.picture))
+            })
+            .collect()
+    }
+
     /// Says what [`Self::supply`] would do; `None` where that is nothing.
     ///
     /// # Errors
@@ -288,6 +311,29 @@ fn read(open: &OpenFrame, buffer: Buffer) -> Result<Picture, Failure> {
         picture.put_rows(top, &Rows { colour: radiance, albedo: albedo.as_ref(), normal: normal.as_ref() });
     }
     Ok(picture)
+}
+
+/// Reads what the denoiser is given of a pass; `None` where there is no noise or light is subtracted.
+fn read_pass(open: &OpenFrame, passes: &OpenPasses, k: usize) -> Result<Option<Picture>, Failure> {
+    let (height, width) = (open.height(), open.width());
+    let has = |role| open.has(role, Buffer::A);
+    let mut picture = Picture::new(height, width, has(Role::Albedo), has(Role::Normal));
+    let (mut sum, mut size, mut is_still) = (0.0, 0.0, true);
+    for top in (0..height).step_by(ROWS) {
+        interrupt::check()?;
+        let rows = top..(top + ROWS).min(height);
+        let [a, b] = open.noisy_rows(rows.clone())?;
+        let NoisyHalf { albedo, normal, .. } = mean(&a, &b);
+        let [a, b] = passes.rows_of(k, rows)?;
+        is_still &= a.data().iter().zip(b.data()).all(|(a, b)| a.to_bits() == b.to_bits());
+        let colour = mean_of_finite(&a, &b);
+        for value in colour.data().iter().filter(|value| value.is_finite()) {
+            sum += f64::from(*value);
+            size += f64::from(value.abs());
+        }
+        picture.put_rows(top, &Rows { colour: &colour, albedo: albedo.as_ref(), normal: normal.as_ref() });
+    }
+    Ok((!is_still && sum >= POSITIVE * size).then_some(picture))
 }
 
 fn mean(a: &NoisyHalf, b: &NoisyHalf) -> NoisyHalf {

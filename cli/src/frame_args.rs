@@ -2,6 +2,7 @@
 
 use crate::denoising::DenoiseArgs;
 use crate::failure::{Code, Failure};
+use crate::passes::PassArgs;
 use clap::Args;
 use sspc_frames::resolve::views;
 use sspc_frames::sequence::{Frames, Pattern};
@@ -74,6 +75,10 @@ pub struct FrameArgs {
     /// What makes denoised pictures that the files do not hold.
     #[command(flatten)]
     pub denoise: DenoiseArgs,
+
+    /// Which layers are corrected beside the picture.
+    #[command(flatten)]
+    pub passes: PassArgs,
 
     /// Which channels fill a role, e.g. albedo=LAYER, normal-a=FILE.exr:N, visibility=none
     #[arg(long = "role", value_name = "ROLE=SOURCE")]

@@ -5,6 +5,7 @@
 //! | [`frame_args`] | the arguments that name a frame, or the frames of a shot |
 //! | [`run_args`] | how much is printed, threads, strength |
 //! | [`denoising`] | denoised pictures that the files do not hold |
+//! | [`passes`] | additive passes beside the picture |
 //! | [`reading`] | from files to a frame that was looked over |
 //! | [`shot`] | the same of a frame of a shot, with its neighbours |
 //! | [`failure`] | how a command ends: messages and exit codes |
@@ -20,6 +21,7 @@ pub mod frame_args;
 pub mod interrupt;
 pub mod openjd;
 pub mod output;
+pub mod passes;
 mod print;
 pub mod reading;
 pub mod record;

@@ -61,6 +61,7 @@ impl<R: FrameRows> BandSource for FrameBands<'_, R> {
 /// A whole frame that is prepared already; its features go when they are not needed any more.
 pub struct PreparedFrame<'a> {
     prepared: Option<Prepared>,
+    stays: bool,
     stats: FrameStats,
     ground: Ground<'a>,
 }
@@ -69,7 +70,12 @@ impl<'a> PreparedFrame<'a> {
     /// The frame, and the ground of its picture.
     pub fn new(prepared: Prepared, stats: FrameStats, denoised: &'a Image, fill: &'a [(usize, [f32; 3])]) -> Self {
         let ground = Ground { denoised: Cow::Borrowed(denoised), fill: Cow::Borrowed(fill) };
-        Self { prepared: Some(prepared), stats, ground }
+        Self { prepared: Some(prepared), stays: false, stats, ground }
+    }
+
+    /// The same, whose features stay: it may be asked for again.
+    pub fn that_stays(self, stays: bool) -> Self {
+        Self { stays, ..self }
     }
 }
 
@@ -89,13 +95,15 @@ impl BandSource for PreparedFrame<'_> {
     }
 
     /// # Panics
-    /// When anything but the whole is asked for, or that a second time.
+    /// When anything but the whole is asked for, or that a second time of a frame that does not stay.
     fn band(&mut self, rows: Range<usize>, _: usize) -> Result<BandInput<'_>, Infallible> {
         assert_eq!(rows, 0..self.height(), "a prepared frame comes whole");
-        let prepared = self.prepared.take().expect("a prepared frame comes once");
+        let prepared =
+            if self.stays { self.prepared.as_ref().map(Cow::Borrowed) } else { self.prepared.take().map(Cow::Owned) };
+        let prepared = prepared.expect("a prepared frame comes once");
         let Ground { denoised, fill } = &self.ground;
         let ground = Ground { denoised: Cow::Borrowed(denoised), fill: Cow::Borrowed(fill) };
-        Ok(BandInput { prepared: Cow::Owned(prepared), inner: rows, ground })
+        Ok(BandInput { prepared, inner: rows, ground })
     }
 
     /// # Panics

@@ -8,7 +8,7 @@ use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
-use sspc_kernels::windows::Windows;
+use sspc_kernels::windows::{PaddedPlanes, Windows};
 
 /// μ̂ of a picture, `[3, H, W]`, of activated `parameters` `[P, H, W]`; z of the windows where the plan
 /// skips.
@@ -36,6 +36,34 @@ pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters:
         }
     });
     out
+}
+
+/// Means of further planes of a picture by g_c's weights, given region by region of what the plan computes: the region and its
+/// means, `[planes, region.height, region.width]`.
+pub fn means(
+    isa: Isa,
+    form: Form,
+    windows: &Windows,
+    planes: &PaddedPlanes,
+    taps: &Taps,
+    parameters: &Image,
+    plan: &Plan,
+) -> Vec<(Region, Vec<f32>)> {
+    let job_rows = job_rows(windows.height());
+    let runs = plan.runs();
+    let jobs = (0..windows.height()).step_by(job_rows).flat_map(|top| {
+        let first = runs.partition_point(|run| run.top < top);
+        let last = runs.partition_point(|run| run.top < top + job_rows);
+        stacked(&runs[first..last])
+    });
+    let jobs: Vec<Region> = jobs.collect();
+    let of_job = |region: Region| {
+        let mut out = vec![0.0; planes.count() * region.pixels()];
+        let parameters = ParameterPlanes::of_picture(form, parameters.data(), windows, &region);
+        Correction { windows, taps, region, parameters }.means(isa, planes, &mut out);
+        (region, out)
+    };
+    jobs.into_par_iter().map(of_job).collect()
 }
 
 /// Rows that are corrected at a time: many, because g_c shares work between the rows of a region, but

@@ -22,6 +22,7 @@
 //! | [`estimate`] | the error, told without a reference |
 //! | [`fill`] | values of missing pixels |
 //! | [`correct`] | all of it: the one way from a frame and a network to the picture |
+//! | [`passes`] | additive passes of the picture |
 //! | `unlike` | whether the model suits the frame |
 #![forbid(unsafe_code)]
 
@@ -43,6 +44,7 @@ pub mod held_out;
 pub mod independence;
 pub mod objective;
 mod outlier_limit;
+pub mod passes;
 pub mod plan;
 pub mod prepare;
 pub mod rng;

@@ -74,6 +74,9 @@ pub enum Error {
     #[error("{}: channel {channel} of the {purpose}: expected radiance, found only NaN or infinity", path.display())]
     NothingFinite { path: PathBuf, purpose: Purpose, channel: String },
 
+    #[error("{}: additive passes: expected {expected}, found {found}", path.display())]
+    Passes { path: PathBuf, expected: String, found: String },
+
     #[error("role override '{text}': expected {expected}, found {found}")]
     Override { text: String, expected: String, found: String },
 
@@ -125,6 +128,9 @@ impl Error {
             Error::Override { .. } => "write ROLE[-a|-b|-full]=LAYER, =CH,CH,CH, =FILE.exr, =FILE.exr:LAYER or =none",
             Error::Pattern { .. } => {
                 "write shot.####.exr or shot.%04d.exr, and frames as 1001-1020, 1-100x5, 1-100:5 or 1001,1005-1010"
+            }
+            Error::Passes { .. } => {
+                "name all passes that add up to the noisy colour, each once, e.g. --passes 'RGBA_*'"
             }
             Error::Output { .. } => "choose another output path",
             Error::NotReadBack { .. } => "check the disk; if it is sound, report the input file that leads to this",

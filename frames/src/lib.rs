@@ -9,6 +9,7 @@
 //! | [`names`], `halves` | the names that renderers give to the roles, and the marks of halves |
 //! | [`layers`], `search` | a file's channels as layers, and the search for a role among them |
 //! | [`resolve`] | roles to channels of files |
+//! | [`passes`] | additive passes, found and checked |
 //! | [`align`], [`window`] | pictures of one frame over each other |
 //! | [`open`] | a frame whose rows are read as they are needed |
 //! | [`read`] | references and pictures |
@@ -34,6 +35,7 @@ pub mod names;
 pub mod open;
 pub mod output;
 pub mod overrides;
+pub mod passes;
 mod place;
 pub mod preview;
 pub mod read;
@@ -48,5 +50,6 @@ pub use files::{DenoisedFile, FrameFiles, MoreDenoised};
 pub use open::{Made, MadeVariant, OpenFrame};
 pub use output::OutputPlan;
 pub use overrides::RoleOverrides;
+pub use passes::{OpenPasses, PassSelection};
 pub use read::{read_picture, read_reference};
 pub use window::Window;

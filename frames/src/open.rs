@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::files::FrameFiles;
 use crate::output::OutputPlan;
 use crate::overrides::RoleOverrides;
+use crate::passes::{OpenPasses, PassSelection};
 use crate::resolve::{Filled, Resolution, resolve};
 use rayon::prelude::*;
 use sspc_image::{Buffer, CompactImage, DenoisedVariant, Frame, FrameRows, HalfBuffer, Image, Role, RoleSource};
@@ -141,6 +142,14 @@ impl OpenFrame {
     /// As [`OutputPlan::of_frame`].
     pub fn output(&self) -> Result<OutputPlan, Error> {
         OutputPlan::of_frame(&self.resolution)
+    }
+
+    /// The frame's additive passes, and alpha where it is asked for; all rows are looked at.
+    ///
+    /// # Errors
+    /// As [`OpenPasses::open`].
+    pub fn passes(&self, selection: Option<&PassSelection>, alpha: bool) -> Result<OpenPasses, Error> {
+        OpenPasses::open(&self.resolution, selection, alpha)
     }
 
     /// Planes of all roles together.

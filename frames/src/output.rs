@@ -15,17 +15,19 @@ use crate::align::Placing;
 use crate::atomic::atomic_write_checked;
 use crate::container::Container;
 use crate::container::attributes::LONGEST_NAME;
+use crate::container::channels::ChannelEntry;
 use crate::container::chunks::ChunkReader;
 use crate::container::copy::{Copy, CopyError, Placed, Target, mean_of};
 use crate::container::fault::Fault;
 use crate::container::pixels::{Wanted, read_planes};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
-use crate::place::{Place, place_of};
+use crate::place::{Place, place, place_of};
 use crate::resolve::Resolution;
+use crate::window::Window;
 use exr::meta::attribute::SampleType;
 use exr::prelude::f16;
-use sspc_image::Image;
+use sspc_image::{Image, Storage};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -57,6 +59,19 @@ impl OutputPlan {
         let file = &resolution.files[radiance.file];
         let display = Placing::of(file, radiance.channels[0]).display;
         Self::new(file, vec![(place_of(resolution)?, Placing { window: radiance.window, display })])
+    }
+
+    /// The output of other pictures in the place of these channels of a file, whose pixels lie as `placing` says.
+    ///
+    /// # Errors
+    /// As [`Self::of_frame`].
+    pub fn of_channels(file: &ExrFile, channels: Vec<Vec<usize>>, placing: Placing) -> Result<Self, Error> {
+        let places = channels.iter().enumerate().map(|(at, channels)| {
+            let mut place = place(file, channels);
+            place.targets.iter_mut().for_each(|target| target.picture = at);
+            (place, placing)
+        });
+        Self::new(file, places.collect())
     }
 
     fn new(file: &ExrFile, places: Vec<(Place, Placing)>) -> Result<Self, Error> {
@@ -101,10 +116,22 @@ impl OutputPlan {
             });
         }
         for (mut place, placing) in other.places {
-            place.targets.iter_mut().for_each(|target| target.picture += self.places.len());
+            place.targets.iter_mut().for_each(|target| target.picture = self.places.len());
             self.places.push((place, placing));
         }
         Ok(self)
+    }
+
+    /// A picture as it will be read from the file.
+    ///
+    /// # Panics
+    /// When there is no such picture.
+    pub fn as_stored(&self, at: usize, picture: &Image) -> Image {
+        let storage =
+            if self.places[at].0.were_half && half_can_hold(picture) { Storage::Half } else { Storage::Float };
+        let mut stored = picture.clone();
+        stored.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v = storage.round(f64::from(*v))));
+        stored
     }
 
     /// The channels that the pictures take, for messages.
@@ -191,30 +218,45 @@ fn check_written(path: &Path, copy: &Copy, pictures: &[Placed]) -> Result<(), St
     for (number, part) in written.parts.iter().enumerate() {
         (0..part.chunks).try_for_each(|at| reader.check(number, at)).map_err(fault)?;
     }
-    for target in copy.targets() {
-        check_channel(&written, target, &pictures[target.picture])?;
-    }
-    Ok(())
+    let height = pictures.iter().map(|picture| picture.window.height).max().unwrap_or(0);
+    // All channels together: their part is decompressed once.
+    (0..height).step_by(CHECKED_ROWS).try_for_each(|top| check_rows(&written, copy.targets(), pictures, top))
 }
 
-fn check_channel(written: &Container, target: &Target, picture: &Placed) -> Result<(), String> {
-    let part = &written.parts[target.part];
-    let index = part.channels.iter().position(|channel| channel.name == target.name).ok_or("a channel is missing")?;
+/// Compares the rows of all pictures from `top` on with what is in the file.
+fn check_rows(written: &Container, targets: &[Target], pictures: &[Placed], top: usize) -> Result<(), String> {
+    let mut found: Vec<(&Target, usize, Window, Vec<f32>)> = Vec::new();
+    for target in targets {
+        let (part, window) = (&written.parts[target.part], pictures[target.picture].window);
+        let named = |channel: &ChannelEntry| channel.name == target.name;
+        let index = part.channels.iter().position(named).ok_or("a channel is missing")?;
+        if top < window.height {
+            let rows = window.rows(top..(top + CHECKED_ROWS).min(window.height));
+            let inside = rows.overlap(&part.window);
+            found.extend(inside.map(|inside| (target, index, inside, vec![0.0; inside.width * inside.height])));
+        }
+    }
+    let wanted = found.iter_mut().map(|(target, channel, window, plane)| Wanted {
+        part: target.part,
+        channel: *channel,
+        window: *window,
+        plane,
+    });
+    read_planes(written, &mut wanted.collect::<Vec<_>>()).map_err(|fault| format!("{fault:?}"))?;
+    found
+        .iter()
+        .try_for_each(|(target, _, inside, plane)| check_plane(target, &pictures[target.picture], inside, plane))
+}
+
+fn check_plane(target: &Target, picture: &Placed, inside: &Window, plane: &[f32]) -> Result<(), String> {
     let (image, window) = (picture.image, picture.window);
-    for top in (0..window.height).step_by(CHECKED_ROWS) {
-        let rows = window.rows(top..(top + CHECKED_ROWS).min(window.height));
-        let Some(inside) = rows.overlap(&part.window) else { continue };
-        let mut found = vec![0.0; inside.width * inside.height];
-        let wanted = Wanted { part: target.part, channel: index, window: inside, plane: &mut found };
-        read_planes(written, &mut [wanted]).map_err(|fault| format!("{fault:?}"))?;
-        let (left, top) = ((inside.left - window.left) as usize, (inside.top - window.top) as usize);
-        for (y, row) in found.chunks_exact(inside.width).enumerate() {
-            for (x, found) in row.iter().enumerate() {
-                let value = mean_of(target.planes.iter().map(|&c| image.at(c, top + y, left + x)));
-                let expected = if target.kind == SampleType::F16 { f16::from_f32(value).to_f32() } else { value };
-                if found.to_bits() != expected.to_bits() && !(found.is_nan() && expected.is_nan()) {
-                    return Err(format!("{found} instead of {expected} in row {}", top + y));
-                }
+    let (left, top) = ((inside.left - window.left) as usize, (inside.top - window.top) as usize);
+    for (y, row) in plane.chunks_exact(inside.width).enumerate() {
+        for (x, found) in row.iter().enumerate() {
+            let value = mean_of(target.planes.iter().map(|&c| image.at(c, top + y, left + x)));
+            let expected = if target.kind == SampleType::F16 { f16::from_f32(value).to_f32() } else { value };
+            if found.to_bits() != expected.to_bits() && !(found.is_nan() && expected.is_nan()) {
+                return Err(format!("{found} instead of {expected} in row {}", top + y));
             }
         }
     }

@@ -76,7 +76,8 @@ fn place_of_both(file: &ExrFile, layers: &Layers, channels: &[usize]) -> Result<
     }
 }
 
-fn place(file: &ExrFile, channels: &[usize]) -> Place {
+/// These channels, one or three, for one picture.
+pub fn place(file: &ExrFile, channels: &[usize]) -> Place {
     let mut targets: Vec<Target> = Vec::new();
     for (plane, &at) in channels.iter().enumerate() {
         let channel = &file.channels[at];

@@ -9,6 +9,7 @@ mod image;
 mod role;
 mod rows;
 mod shown;
+mod storage;
 
 pub use compact::CompactImage;
 pub use display::display;
@@ -18,3 +19,4 @@ pub use image::Image;
 pub use role::{Buffer, Role};
 pub use rows::FrameRows;
 pub use shown::shown;
+pub use storage::Storage;

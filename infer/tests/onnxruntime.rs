@@ -142,6 +142,39 @@ fn onnxruntime_gives_the_mean_over_several_networks() {
     assert_images_close(&theirs, &ours, IMAGE_TOLERANCE, "two networks");
 }
 
+/// A folder with the halves of the sample and an image graph, and its model.
+fn sample_and_model() -> (tempfile::TempDir, Model) {
+    let folder = tempfile::tempdir().expect("folder");
+    for half in ["a.exr", "b.exr"] {
+        std::fs::copy(sample_folder().join(half), folder.path().join(half)).expect("sample");
+    }
+    let contract = Contract::new(Form::Gated);
+    let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
+    let model = Model::new(contract, weights).expect("a model");
+    std::fs::write(folder.path().join("image.onnx"), write_image(&model)).expect("model");
+    (folder, model)
+}
+
+/// Fails when passes are averaged by other weights than the colour, or do not add up.
+#[test]
+fn the_readmes_python_corrects_passes_that_add_up() {
+    let Some(python) = python(WHAT) else { return };
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    let readme = std::fs::read_to_string(root.join("onnx/README.md")).expect("README");
+    let code: Vec<&str> = readme.split("```python\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+
+    let (folder, model) = sample_and_model();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("network.onnx"), write_network(&model)).expect("model");
+    let passes = "passes = np.stack([0.7 * y, 0.3 * y])";
+    let check = "assert np.allclose(corrected_passes.sum(0), corrected[0], rtol=1e-4, atol=1e-6)\n\
+                 assert np.allclose(corrected_passes[0], 0.7 * corrected[0], rtol=1e-4, atol=1e-6)\n\
+                 g = sums.sum(0) / total[:, None]\n\
+                 assert np.abs(g - y).mean() > 0.01 * y.mean(), 'nothing was averaged'\n";
+    std::fs::write(at("run.py"), format!("{}\n{passes}\n{}\n{check}", code[0], code[1])).expect("script");
+    run_python(&python, folder.path(), &at("run.py"));
+}
+
 #[test]
 fn the_readmes_python_corrects_the_sample() {
     let Some(python) = python(WHAT) else { return };
@@ -149,15 +182,8 @@ fn the_readmes_python_corrects_the_sample() {
     let readme = std::fs::read_to_string(root.join("onnx/README.md")).expect("README");
     let code = readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).expect("code");
 
-    let folder = tempfile::tempdir().expect("folder");
+    let (folder, model) = sample_and_model();
     let at = |name: &str| folder.path().join(name);
-    for half in ["a.exr", "b.exr"] {
-        std::fs::copy(sample_folder().join(half), at(half)).expect("sample");
-    }
-    let contract = Contract::new(Form::Gated);
-    let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
-    let model = Model::new(contract, weights).expect("a model");
-    std::fs::write(at("image.onnx"), write_image(&model)).expect("model");
     std::fs::write(at("run.py"), format!("{code}\ncorrected.tofile('corrected.f32')\n")).expect("script");
     run_python(&python, folder.path(), &at("run.py"));
 

@@ -100,8 +100,7 @@ impl Windows {
     /// Windows that are still to be filled.
     fn within(mut data: Vec<f32>, height: usize, width: usize, masked: bool, set: FeatureSet, radius: usize) -> Self {
         assert!(radius <= MAX_RADIUS, "window radius {radius} above {MAX_RADIUS}");
-        // A vector that starts at the last pixel and looks `radius` to the right stays inside.
-        let stride = width + 2 * radius + MAX_LANES;
+        let stride = padded_stride(width, radius);
         let plane = (height + 2 * radius) * stride;
         data.resize((FEATURE_CHANNELS + usize::from(masked)) * plane, 0.0);
         Self { height, width, radius, stride, plane, set, data, masked }
@@ -164,6 +163,68 @@ impl Windows {
     }
 }
 
+/// Further planes of a picture, padded and mirrored as [`Windows`] are.
+#[derive(Clone, Debug)]
+pub struct PaddedPlanes {
+    height: usize,
+    width: usize,
+    radius: usize,
+    stride: usize,
+    count: usize,
+    data: Vec<f32>,
+}
+
+impl PaddedPlanes {
+    /// `count` planes of the pixels in `rows` of a picture of `size` (height, width), of which `fill(plane, y, row)` gives
+    /// the rows, on all threads; padded by `radius`, at most [`MAX_RADIUS`]. Rows count from the first of `rows`.
+    pub fn of_rows(
+        size: (usize, usize),
+        rows: Range<usize>,
+        count: usize,
+        fill: impl Fn(usize, usize, &mut [f32]) + Sync,
+        radius: usize,
+    ) -> Self {
+        let (picture_height, width) = size;
+        let stride = padded_stride(width, radius);
+        let padded_rows = rows.len() + 2 * radius;
+        let mut data = vec![0.0; count * padded_rows * stride];
+        let lines = data.par_chunks_exact_mut(stride).with_min_len(ROWS_PER_JOB).enumerate();
+        lines.for_each(|(line, padded)| {
+            let (c, row) = (line / padded_rows, rows.start + line % padded_rows);
+            fill(c, mirrored(row as isize - radius as isize, picture_height), &mut padded[radius..radius + width]);
+            mirror_sides(padded, width, radius);
+        });
+        Self { height: rows.len(), width, radius, stride, count, data }
+    }
+
+    /// Number of planes.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Rows of the picture.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Columns of the picture.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Pixels that the planes are padded by on each side.
+    pub fn radius(&self) -> usize {
+        self.radius
+    }
+
+    /// Plane `c` from a pixel on, which may lie up to `radius` outside the picture; beyond the row there are others.
+    pub fn row(&self, c: usize, y: isize, x: isize) -> &[f32] {
+        let r = self.radius as isize;
+        let line = c * (self.height + 2 * self.radius) + (y + r) as usize;
+        &self.data[line * self.stride + (x + r) as usize..]
+    }
+}
+
 /// A picture's features, shared, from which the windows of any tile are made when they are needed:
 /// padded planes of the whole picture would hold the features a second time.
 #[derive(Clone, Debug)]
@@ -194,6 +255,11 @@ impl FeaturePlanes {
     pub fn windows(&self, region: Region, buffer: Vec<f32>) -> Windows {
         Windows::of_region(&self.features, self.valid.as_deref(), self.set, self.radius, region, buffer)
     }
+}
+
+/// Floats of a padded row: a vector that starts at the last pixel and looks `radius` to the right stays inside.
+fn padded_stride(width: usize, radius: usize) -> usize {
+    width + 2 * radius + MAX_LANES
 }
 
 /// Index of the pixel that stands at `i` when `0..n` is mirrored with its edge pixels repeated.

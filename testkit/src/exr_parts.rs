@@ -118,11 +118,27 @@ pub fn write_picture(path: &Path, picture: &Picture) {
 /// # Panics
 /// When there is none, or the folder cannot be written to.
 pub fn write_layers(path: &Path, layers: &[(&str, &str, &Picture)]) {
+    write_mixed(
+        path,
+        &layers.iter().map(|(layer, endings, picture)| (*layer, *endings, *picture, false)).collect::<Vec<_>>(),
+    );
+}
+
+/// The same, each as half floats where that is said.
+///
+/// # Panics
+/// When there is none, or the folder cannot be written to.
+pub fn write_mixed(path: &Path, layers: &[(&str, &str, &Picture, bool)]) {
     let picture = layers[0].2;
-    let list = layers.iter().flat_map(|(layer, endings, picture)| {
+    let list = layers.iter().flat_map(|(layer, endings, picture, half)| {
         endings.chars().enumerate().map(move |(c, ending)| {
             let name = if layer.is_empty() { ending.to_string() } else { format!("{layer}.{ending}") };
-            AnyChannel::new(name.as_str(), FlatSamples::F32(picture.plane(c).to_vec()))
+            let plane = picture.plane(c);
+            let samples = match half {
+                true => FlatSamples::F16(plane.iter().map(|v| f16::from_f32(*v)).collect()),
+                false => FlatSamples::F32(plane.to_vec()),
+            };
+            AnyChannel::new(name.as_str(), samples)
         })
     });
     let line_order = LineOrder::Increasing;

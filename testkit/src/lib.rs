@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`frames`] | frames in memory: the textured scene, the sample, prepared halves |
 //! | [`small_frame`] | a frame as files for command lines |
+//! | [`lit_frame`] | a frame as files whose colour is the sum of passes |
 //! | [`made_shot`] | a shot as files, with motion |
 //! | [`exr_parts`] | small OpenEXR files, part by part |
 //! | [`models`] | made-up models and features |
@@ -28,6 +29,7 @@ pub mod faults;
 pub mod frames;
 pub mod golden;
 pub mod kernels;
+pub mod lit_frame;
 pub mod made_shot;
 pub mod method;
 pub mod models;

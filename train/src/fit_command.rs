@@ -58,10 +58,10 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
             if args.run.dry_run && denoising.describe_frame(&output, &job, &view)? {
                 continue;
             }
-            frames.push(read(job.clone(), shot.as_ref(), &view, &settings, &denoising)?);
+            frames.push(read(job.clone(), shot.as_ref(), &view, &settings, &denoising, &args.frame.passes)?);
         }
     }
-    let (inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
+    let (mut inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
     inputs.iter().for_each(|input| say_what_was_read(&output, input));
     let read_seconds = start.elapsed().as_secs_f64();
     if args.run.dry_run {
@@ -87,7 +87,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
 
     let begin = Instant::now();
     let outcomes = inputs
-        .iter()
+        .iter_mut()
         .zip(prepared)
         .map(|(input, prepared)| {
             correct_frame(isa, args.run.strength, args.report, &settings, &fitted.networks, input, prepared)
@@ -211,6 +211,7 @@ fn report(
         independence: input.stats.independence,
         roles: input.roles.iter().map(Into::into).collect(),
         denoiser: input.denoiser.clone(),
+        passes: outcome.passes.as_ref().map(|passes| passes.report.clone()),
         skipped: input.skipped.clone(),
         warnings: input.warnings.clone(),
         neighbours: input.neighbours.clone(),
@@ -227,6 +228,7 @@ fn say_what_was_read(output: &Output, input: &Input) {
     output.detail(&format!("  {}", input.stats.independence));
     input.neighbours.iter().for_each(|neighbour| output.detail(&neighbour.line()));
     input.warnings.iter().for_each(|warning| output.say(&format!("  note: {warning}")));
+    input.passes.iter().flat_map(|passes| passes.lines()).for_each(|line| output.say(&line));
     output.say(&format!("  the picture replaces {}", input.output.channels().join(", ")));
     input.skipped.iter().for_each(|s| output.say(&format!("  skipped: {} ({})", s.what, s.why)));
 }

@@ -2,6 +2,7 @@
 
 use crate::preset::Settings;
 use crate::report::{Rivals, Skipped, skipped};
+use sspc_cli::passes::{FramePasses, PassArgs};
 use sspc_cli::reading::{ReadFrame, Source};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_cli::shot::{Residence, Shot, ShotFrame};
@@ -22,6 +23,8 @@ pub struct Input {
     pub name: String,
     /// Number in a shot.
     pub frame_number: Option<i32>,
+    /// Its additive passes, where they are asked for.
+    pub passes: Option<FramePasses>,
     /// The view, where all of them are corrected.
     pub view: Option<String>,
     /// Its files.
@@ -97,6 +100,7 @@ pub fn read(
     overrides: &RoleOverrides,
     settings: &Settings,
     denoising: &Denoising,
+    passes: &PassArgs,
 ) -> Result<(Input, Prepared), Failure> {
     let FrameJob { number, files } = job;
     let in_shot = shot.zip(number);
@@ -104,7 +108,11 @@ pub fn read(
         Some((shot, number)) => shot.open(number, overrides)?,
         None => OpenFrame::open_to_denoise(&files, overrides)?,
     };
-    let output = open.output()?;
+    let mut output = open.output()?;
+    let passes = passes.find(&open, denoising)?;
+    if let Some(passes) = &passes {
+        output = output.and(passes.output()?)?;
+    }
     let like = Like { path: &files.a, placing: open.placing() };
     let ShotFrame { frame, denoiser, neighbours } = match in_shot {
         Some((shot, number)) => shot.read(number, open, overrides, settings.exposure, Residence::Memory)?,
@@ -137,6 +145,7 @@ pub fn read(
         frame_number: number,
         view: overrides.view().filter(|_| overrides.all_views()).map(str::to_string),
         files,
+        passes,
         output,
         roles,
         denoiser,

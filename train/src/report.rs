@@ -4,6 +4,7 @@ use crate::fit::{End, StepRecord};
 use crate::preset::{Preset, Settings};
 use serde::Serialize;
 use sspc_cli::DenoiserReport;
+use sspc_cli::passes::PassesReport;
 use sspc_cli::record::FilledRole;
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_core::composition::Composition;
@@ -202,6 +203,9 @@ pub struct FitReport {
     /// Which denoised pictures were made, where the files do not hold them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<DenoiserReport>,
+    /// Additive passes that were corrected, where they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub passes: Option<PassesReport>,
     /// What was left out, and why.
     pub skipped: Vec<Skipped>,
     /// What a person should know.

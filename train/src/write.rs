@@ -122,7 +122,7 @@ pub fn write_outputs(
             let names = previews(input, outcome).into_iter();
             shown.extend(names.map(|(stem, p)| (folder.add(&input.file_name(stem, "png")), p)));
         }
-        let corrected: Vec<&Image> = outcomes.iter().map(|outcome| &outcome.corrected).collect();
+        let corrected: Vec<&Image> = outcomes.iter().flat_map(Outcome::pictures).collect();
         let provenance = provenance(what, &inputs[0], &outcomes[0]);
         let (written, shown) = rayon::join(
             || plan.write(&path, &protected, &corrected, &provenance),

@@ -6,6 +6,7 @@ use super::page::PageOfRun;
 use super::report::{FrameReport, FrameSeconds, RelL2};
 use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
+use sspc_cli::passes::{CorrectedPasses, FramePasses};
 use sspc_cli::reading::{ReadFrame, check_variants};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_cli::shot::{Residence, ShotFrame};
@@ -13,6 +14,7 @@ use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
 use sspc_core::bands::FrameBands;
 use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
 use sspc_core::frame_stats::FrameStats;
+use sspc_core::passes::SplitError;
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::read::Like;
 use sspc_frames::{OpenFrame, OutputPlan, RoleOverrides, read_reference};
@@ -41,12 +43,12 @@ pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>
     }
     let begin = Instant::now();
     let plan = plan_of(views.iter().map(|view| view.output.clone()))?;
-    let pictures: Vec<&Image> = views.iter().map(|view| &view.corrected.picture).collect();
+    let pictures: Vec<&Image> = views.iter().flat_map(View::pictures).collect();
     plan.write(&job.output, &inputs, &pictures, &provenance(shared, &views[0]))?;
     let write = begin.elapsed().as_secs_f64();
     let count = views.len();
     for view in views {
-        let View { corrected, stats, roles, denoiser, warnings, neighbours, read, name, beside, .. } = view;
+        let View { corrected, passes, stats, roles, denoiser, warnings, neighbours, read, name, beside, .. } = view;
         let seconds = FrameSeconds {
             read,
             features: corrected.seconds.features,
@@ -56,7 +58,8 @@ pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>
         };
         let rel_l2 = beside.as_ref().and_then(|beside| beside.rel_l2(&corrected.picture));
         let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
-        let report = FrameReport { denoiser, neighbours, rel_l2, ..report };
+        let passes = passes.map(|passes| passes.report);
+        let report = FrameReport { denoiser, neighbours, rel_l2, passes, ..report };
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
@@ -76,6 +79,7 @@ struct View {
     name: Option<String>,
     output: OutputPlan,
     corrected: Corrected,
+    passes: Option<CorrectedPasses>,
     stats: FrameStats,
     roles: Vec<RoleSource>,
     denoiser: Option<DenoiserReport>,
@@ -87,6 +91,13 @@ struct View {
     beside: Option<Beside>,
 }
 
+impl View {
+    /// In the order of its output.
+    fn pictures(&self) -> impl Iterator<Item = &Image> {
+        [&self.corrected.picture].into_iter().chain(self.passes.iter().flat_map(|passes| &passes.pictures))
+    }
+}
+
 fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result<View, Failure> {
     let Shared { arguments, engine, isa, .. } = *shared;
     let start = Instant::now();
@@ -96,7 +107,12 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         Some((shot, number)) => shot.open(number, overrides)?,
         None => OpenFrame::open_to_denoise(&job.frame.files, overrides)?,
     };
-    let (output, placing) = (open.output()?, open.placing());
+    let (mut output, placing) = (open.output()?, open.placing());
+    let passes = arguments.frame.passes.find(&open, shared.denoising)?;
+    if let Some(passes) = &passes {
+        output = output.and(passes.output()?)?;
+        passes.lines().iter().for_each(|line| shared.output.say(line));
+    }
     let ShotFrame { frame, denoiser, neighbours } = match in_shot {
         Some((shot, number)) => shot.read(number, open, overrides, contract.exposure, Residence::AsFits)?,
         None => {
@@ -124,8 +140,16 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         CorrectError::Parameters(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
         CorrectError::Bands(error) => error.into(),
     })?;
+    let with_picture = |passes: FramePasses| {
+        passes.correct(&mut bands, engine, &how, &output.as_stored(0, &corrected.picture), &interrupt::asked)
+    };
+    let passes = passes.map(with_picture).transpose().map_err(|error| match error {
+        SplitError::Interrupted => Failure::interrupted(),
+        SplitError::Parameters(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
+        SplitError::Bands(error) | SplitError::Passes(error) => error.into(),
+    })?;
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
-    Ok(View { name, output, corrected, stats, roles, denoiser, warnings, neighbours, read, beside })
+    Ok(View { name, output, corrected, passes, stats, roles, denoiser, warnings, neighbours, read, beside })
 }
 
 /// One file of the pictures of all views.
@@ -154,6 +178,7 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
             lines.extend(open.sources().iter().map(role_line));
             lines.extend(shared.denoising.describe(&open)?);
             lines.extend(open.notes().iter().map(|note| format!("  note: {note}")));
+            lines.extend(shared.arguments.frame.passes.describe(&open)?);
             plans.push(open.output()?);
         }
         let plan = plan_of(plans.into_iter())?;

@@ -5,6 +5,7 @@ use super::shared::Shared;
 use crate::clock;
 use serde::Serialize;
 use sspc_cli::DenoiserReport;
+use sspc_cli::passes::PassesReport;
 use sspc_cli::record::{FilledRole, peak_rss_bytes, shown_path};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_core::composition::Composition;
@@ -130,6 +131,9 @@ pub struct FrameReport {
     /// Which denoised pictures were made, where the files do not hold them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<DenoiserReport>,
+    /// Additive passes that were corrected, where they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub passes: Option<PassesReport>,
     /// What a person should know.
     pub warnings: Vec<String>,
     /// Neighbouring frames of a shot, and what was done with them.
@@ -189,6 +193,7 @@ impl FrameReport {
             peak_rss_bytes: peak_rss_bytes(),
             roles: roles.iter().map(Into::into).collect(),
             denoiser: None,
+            passes: None,
             warnings,
             neighbours: Vec::new(),
         }

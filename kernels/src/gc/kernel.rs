@@ -122,9 +122,11 @@ impl<U: Upstream> Correct<'_, U> {
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
             let sums = work.sums.at::<S>(y, x);
             sums.fill(0.0);
-            let unit = |m: usize| if m < 3 { -std::f32::consts::LOG2_E } else { -1.0 };
             for m in 0..BANDWIDTH_COUNT {
-                s.store(&mut sums[(WIDTHS + m) * S::LANES..], s.mul(p[BANDWIDTHS + m], s.splat(unit(m))));
+                s.store(
+                    &mut sums[(WIDTHS + m) * S::LANES..],
+                    s.mul(p[BANDWIDTHS + m], s.splat(tap_sums::exponent_unit(m))),
+                );
             }
             for i in 0..if U::NEEDED { SLOPE_COUNT } else { 0 } {
                 s.store(&mut sums[(SLOPE_VALUES + i) * S::LANES..], p[SLOPES + i]);
@@ -154,7 +156,13 @@ impl<U: Upstream> Correct<'_, U> {
 }
 
 #[inline(always)]
-fn load_parameters<S: Simd>(s: S, p: &ParameterPlanes, y: usize, x: usize, lanes: usize) -> [S::F; MAX_PARAMETERS] {
+pub(super) fn load_parameters<S: Simd>(
+    s: S,
+    p: &ParameterPlanes,
+    y: usize,
+    x: usize,
+    lanes: usize,
+) -> [S::F; MAX_PARAMETERS] {
     let at = p.start + y * p.row + x;
     let mut values = [s.splat(1.0); MAX_PARAMETERS];
     for (i, value) in values.iter_mut().enumerate().take(p.form.parameters()) {
@@ -164,7 +172,7 @@ fn load_parameters<S: Simd>(s: S, p: &ParameterPlanes, y: usize, x: usize, lanes
 }
 
 #[inline(always)]
-fn store_planes<S: Simd>(s: S, out: &mut [f32], plane: usize, at: usize, lanes: usize, values: &[S::F]) {
+pub(super) fn store_planes<S: Simd>(s: S, out: &mut [f32], plane: usize, at: usize, lanes: usize, values: &[S::F]) {
     for (i, v) in values.iter().enumerate() {
         s.store_part(&mut out[i * plane + at..][..lanes], *v);
     }

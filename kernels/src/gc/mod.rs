@@ -4,11 +4,12 @@
 //! [`Correction`] is thin: the arithmetic stands once, generic over the instruction set, in `kernel` and what it
 //! calls, in the order of the data: `strip` copies rows of features close together, `pair_logarithms` computes
 //! what the pixels of a pair share, `tap_sums` adds up the taps of every pixel, `from_sums` turns sums into μ̂ and
-//! gradients. The naive f64 twin is [`oracle`].
+//! gradients; `means` averages further planes by the same weights. The naive f64 twin is [`oracle`].
 
 mod from_sums;
 mod given;
 mod kernel;
+mod means;
 pub mod oracle;
 mod pair_logarithms;
 mod parameter_planes;
@@ -24,7 +25,7 @@ pub use taps::Taps;
 
 use crate::region::Region;
 use crate::simd::{Isa, dispatch};
-use crate::windows::Windows;
+use crate::windows::{PaddedPlanes, Windows};
 
 /// Radius of the paper's window Ω_c: 19 x 19 pixels.
 pub const PAPER_RADIUS: usize = 9;
@@ -54,6 +55,23 @@ impl Correction<'_> {
         self.run(isa, &mut NoUpstream, out, &mut []);
     }
 
+    /// Means of further planes of the same picture by g_c's weights, Σ w_i x_i / max(Σ w_i, 1e-5),
+    /// `[planes, region.height, region.width]`: what g_c does to y when all slopes are zero.
+    ///
+    /// # Panics
+    /// As [`Self::forward`]; also when the planes are of another size or padded by less than the window.
+    pub fn means(self, isa: Isa, planes: &PaddedPlanes, out: &mut [f32]) {
+        let Self { windows, taps, region, .. } = self;
+        if region.pixels() == 0 || planes.count() == 0 {
+            return;
+        }
+        self.check();
+        assert_eq!((planes.height(), planes.width()), (windows.height(), windows.width()), "size of the planes");
+        assert!(taps.radius() <= planes.radius(), "window of radius {} in planes", taps.radius());
+        assert_eq!(out.len(), planes.count() * region.pixels(), "means of the region");
+        dispatch(isa, means::Means { of: self, planes, out });
+    }
+
     /// Gradient of the activated parameters of the region, `[P, region.height, region.width]`, written
     /// to `gradient`. `upstream` receives the forward result μ̂ of every block of pixels and answers
     /// with the gradient of the loss by it, so a loss needs one pass. μ̂ is written to `out`.
@@ -67,10 +85,17 @@ impl Correction<'_> {
     }
 
     fn run<U: Upstream>(self, isa: Isa, upstream: &mut U, out: &mut [f32], gradient: &mut [f32]) {
-        let Self { windows, taps, region, parameters } = self;
-        if region.pixels() == 0 {
+        if self.region.pixels() == 0 {
             return;
         }
+        self.check();
+        assert_eq!(out.len(), 3 * self.region.pixels(), "corrected radiance of the region");
+        dispatch(isa, kernel::Correct { of: self, upstream, out, gradient });
+    }
+
+    /// Whether region, window and parameters lie in the picture.
+    fn check(&self) {
+        let Self { windows, taps, region, parameters } = self;
         assert!(
             region.top + region.height <= windows.height() && region.left + region.width <= windows.width(),
             "region leaves the picture"
@@ -81,8 +106,6 @@ impl Correction<'_> {
             taps.radius(),
             windows.radius()
         );
-        assert_eq!(out.len(), 3 * region.pixels(), "corrected radiance of the region");
-        parameters.check(&region);
-        dispatch(isa, kernel::Correct { of: self, upstream, out, gradient });
+        parameters.check(region);
     }
 }

@@ -37,29 +37,20 @@ pub fn pixel(
     let triple = |c: usize, o: (i32, i32)| [at(c, o), at(c + 1, o), at(c + 2, o)];
     let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let valid = |o| if windows.masked() { at(FEATURE_CHANNELS, o) } else { 1.0 };
+    let valid = |o| valid(windows, (y, x), o);
     let here = (0, 0);
 
     let mut terms = vec![(parameters[CENTRE] * valid(here), triple(RADIANCE, here), [0.0; 5], [[0.0; 3]; 3])];
     for &i in taps.list() {
         let differences = [DENOISED, ALBEDO, NORMAL].map(|c| minus(triple(c, here), triple(c, i)));
-        let radiance = minus(triple(RADIANCE, here), triple(RADIANCE, i));
-        let visibility = at(VISIBILITY, here) - at(VISIBILITY, i);
-        let distances = [
-            dot(differences[1], differences[1]),
-            dot(differences[2], differences[2]),
-            visibility * visibility,
-            dot(radiance, radiance).ln_1p(),
-            dot(differences[0], differences[0]).ln_1p(),
-        ];
-        let exponent: f64 = distances.iter().zip(&parameters[BANDWIDTHS..]).map(|(d, gamma)| d * gamma).sum();
+        let distances = distances(windows, (y, x), i);
         let mut u = triple(RADIANCE, i);
         for (f, d) in differences.iter().enumerate() {
             for k in 0..3 {
                 u[k] += parameters[SLOPES + 3 * f + k] * d[k];
             }
         }
-        terms.push(((-exponent).exp() * valid(i), u, distances, differences));
+        terms.push((weight(&distances, parameters) * valid(i), u, distances, differences));
     }
     let weight: f64 = terms.iter().map(|t| t.0).sum();
     let floor = f64::from(WEIGHT_FLOOR);
@@ -106,4 +97,45 @@ pub fn pixel(
         }
     }
     Pixel { g, corrected, magnitude, inverse, gradient, gradient_magnitude: sizes_of_gradient }
+}
+
+/// Σ w_i x_i / max(Σ w_i, floor) at pixel (y, x) of a plane `x`, which is given by the offset from the pixel; and the same
+/// of |x|, which rounding is relative to.
+pub fn mean(
+    windows: &Windows,
+    taps: &Taps,
+    parameters: &[f64],
+    (y, x): (usize, usize),
+    plane: impl Fn((i32, i32)) -> f64,
+) -> (f64, f64) {
+    let at = (y as isize, x as isize);
+    let of_tap = |&i: &(i32, i32)| (weight(&distances(windows, at, i), parameters) * valid(windows, at, i), plane(i));
+    let centre = (parameters[CENTRE] * valid(windows, at, (0, 0)), plane((0, 0)));
+    let terms: Vec<(f64, f64)> = taps.list().iter().map(of_tap).chain([centre]).collect();
+    let sum = |of: fn(f64) -> f64| terms.iter().map(|(w, x)| w * of(*x)).sum::<f64>();
+    let inverse = 1.0 / sum(|_| 1.0).max(f64::from(WEIGHT_FLOOR));
+    (sum(|x| x) * inverse, sum(f64::abs) * inverse)
+}
+
+/// The five distances of (6) between a pixel (y, x) and the one at this offset from it.
+fn distances(windows: &Windows, (y, x): (isize, isize), (dy, dx): (i32, i32)) -> [f64; 5] {
+    let difference =
+        |c: usize| f64::from(windows.at(c, y, x)) - f64::from(windows.at(c, y + dy as isize, x + dx as isize));
+    let squared = |c: usize| (c..c + 3).map(|c| difference(c).powi(2)).sum::<f64>();
+    [
+        squared(ALBEDO),
+        squared(NORMAL),
+        difference(VISIBILITY).powi(2),
+        squared(RADIANCE).ln_1p(),
+        squared(DENOISED).ln_1p(),
+    ]
+}
+
+fn weight(distances: &[f64; 5], parameters: &[f64]) -> f64 {
+    (-distances.iter().zip(&parameters[BANDWIDTHS..]).map(|(d, gamma)| d * gamma).sum::<f64>()).exp()
+}
+
+/// 1 where the pixel at an offset from (y, x) counts, 0 where it is missing.
+fn valid(windows: &Windows, (y, x): (isize, isize), (dy, dx): (i32, i32)) -> f64 {
+    if windows.masked() { f64::from(windows.at(FEATURE_CHANNELS, y + dy as isize, x + dx as isize)) } else { 1.0 }
 }

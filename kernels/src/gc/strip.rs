@@ -12,7 +12,7 @@ use crate::windows::Windows;
 /// Widest strip: rows, sums and logarithms of a pair of rows fit the first cache together.
 pub(super) const STRIP: usize = 64;
 /// Where the strip's first column lies in a copied plane: on a cache line.
-const LEFT: usize = MAX_RADIUS.next_multiple_of(MAX_LANES);
+pub(super) const LEFT: usize = MAX_RADIUS.next_multiple_of(MAX_LANES);
 /// Floats from one plane of a copied row to the next.
 pub(super) const PITCH: usize = (LEFT + STRIP + MAX_RADIUS + MAX_LANES).next_multiple_of(MAX_LANES);
 /// All features, and the mask of missing pixels.

@@ -41,7 +41,11 @@ pub(super) struct Sums {
 
 impl Sums {
     pub(super) fn new(radius: usize, gradient: bool) -> Self {
-        let vectors = if gradient { GRADIENT_VECTORS } else { FORWARD_VECTORS };
+        Self::of_vectors(radius, if gradient { GRADIENT_VECTORS } else { FORWARD_VECTORS })
+    }
+
+    /// Room for so many sums of each vector of pixels.
+    pub(super) fn of_vectors(radius: usize, vectors: usize) -> Self {
         Self { data: Aligned::zeros((radius + 1) * vectors * STRIP), rows: radius + 1, vectors }
     }
 
@@ -50,6 +54,11 @@ impl Sums {
         let at = (y % self.rows * STRIP + x) * self.vectors;
         &mut self.data[at..][..self.vectors * S::LANES]
     }
+}
+
+/// What bandwidth `m` is multiplied by for `exp2` of its distance: the logarithms are to the base 2 already.
+pub(super) fn exponent_unit(m: usize) -> f32 {
+    if m < 3 { -std::f32::consts::LOG2_E } else { -1.0 }
 }
 
 // Per tap of a row, between the passes of a gradient: w, u_i - z_c, d_ρ, d_n, d_v.
@@ -103,7 +112,21 @@ impl<S: Simd> TapRow<'_, S> {
         terms.store(s, sums);
     }
 
-    /// The same, and the sums for the gradient. Three short passes, because one would need more
+    /// Adds the taps' weights to Σw and keeps them, a vector for each tap.
+    #[inline(always)]
+    pub(super) fn add_weights(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
+        let s = self.s;
+        let (centre, widths) = (self.centre(), load_vectors(s, sums, WIDTHS));
+        let mut sum = s.load(&sums[WEIGHT * S::LANES..]);
+        for (tap, weight) in taps.iter().zip(weights.chunks_exact_mut(S::LANES)) {
+            let (w, _) = self.weigh(tap, &centre, &widths);
+            sum = s.add(sum, w);
+            s.store(weight, w);
+        }
+        s.store(&mut sums[WEIGHT * S::LANES..], sum);
+    }
+
+    /// Adds the taps to the sums, those for the gradient too. Three short passes, because one would need more
     /// registers than there are.
     #[inline(always)]
     pub(super) fn add_for_gradient(&self, taps: &[Tap], sums: &mut [f32], tap_terms: &mut [f32]) {

@@ -2,5 +2,7 @@
 
 mod bands;
 mod kernels;
+mod means;
 mod objective;
+mod passes;
 mod variants;
