@@ -1,9 +1,9 @@
 //! Whether the features of both halves lie in the same places.
 //!
 //! Edges of albedo and normal (differences of neighbours in a row) of half a are compared with those of half b, moved by
-//! up to [`REACH`] pixels: the correlation is largest without a move, however noisy the features are. (Of 16 frames of
+//! up to four pixels: the correlation is largest without a move, however noisy the features are. (Of 16 frames of
 //! three renderers the next best place has 0.3 to 0.75 of it; depth of field left 0.08 of it at 16 samples a pixel.)
-//! Where noise hides even that, edges between cells of [`CELL`] x [`CELL`] pixels tell: 0.76 there, 0.01 of different
+//! Where noise hides even that, edges between cells of 4x4 pixels tell: 0.76 there, 0.01 of different
 //! pictures.
 
 use crate::block_sample::{AREA, Block, FEATURES};

@@ -39,7 +39,7 @@ pub struct Mean {
     pub standard_error: Option<f64>,
 }
 
-/// Self-supervised loss (Eq. 9, the denominator of [`loss`]) over the whole picture and both halves.
+/// Self-supervised loss (Eq. 9, divided as [`crate::objective::own_weight`] says) over the whole picture and both halves.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Losses {
     /// Of z.

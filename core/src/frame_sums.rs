@@ -212,7 +212,7 @@ impl<'a> Pixels<'a> {
         let mut losses = [0.0; 4];
         let mut squared = [0.0; 2];
         let mut blended = [[0.0f32; 3]; 2];
-        for h in 0..2 {
+        for (h, blended) in blended.iter_mut().enumerate() {
             let z = [self.z[h][0][x], self.z[h][1][x], self.z[h][2][x]];
             let weight = f64::from(weight_of(z, RELATIVE_FLOOR));
             // ‖x - y‖² of z, blended and corrected, and what the second has less than the first.
@@ -220,7 +220,7 @@ impl<'a> Pixels<'a> {
             for k in 0..3 {
                 let (corrected, y) = (self.corrected[h][k][x], self.target[h][k][x]);
                 let mixed = (z[k] + self.share[x] * (corrected - z[k])).max(0.0);
-                blended[h][k] = mixed;
+                blended[k] = mixed;
                 let square = |from: f32| f64::from(from - y) * f64::from(from - y);
                 of_z += square(z[k]);
                 of_blended += square(mixed);
@@ -237,11 +237,12 @@ impl<'a> Pixels<'a> {
         }
         let (mut variance, mut apart) = (0.0, [0.0; 2]);
         let (mut finished, mut denoised) = (0.0, 0.0);
-        for k in 0..3 {
+        let [a, b] = blended;
+        for (k, (a, b)) in a.into_iter().zip(b).enumerate() {
             let square = |p: f32, q: f32| f64::from(p - q) * f64::from(p - q);
             variance += 0.5 * square(self.radiance[0][k][x], self.radiance[1][k][x]);
             apart[0] += square(self.z[0][k][x], self.z[1][k][x]);
-            apart[1] += square(blended[0][k], blended[1][k]);
+            apart[1] += square(a, b);
             finished += f64::from((self.denoised[k][x] + self.correction[k][x]).max(0.0));
             denoised += f64::from(self.denoised[k][x]);
         }
