@@ -23,6 +23,10 @@ const NOISE_RADIUS: usize = 3;
 pub(super) const REACH: usize = 2 * JUDGE_RADIUS + FADE_RADIUS + NOISE_RADIUS;
 /// Relative noise of the mean of both halves below which there is none: rounding.
 const STILL: f32 = 1e-3;
+/// Standard deviations of its noise by which both halves must outshine a pass's picture to stand in its place.
+const CERTAIN: f32 = 6.0;
+/// Radius over which that noise is averaged.
+const CERTAIN_RADIUS: usize = 1;
 /// Relative noise at which half of a pass's value is doubted.
 const LITTLE_NOISE: f32 = 0.1;
 
@@ -74,6 +78,7 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
     if let Some(denoised) = &pass.denoised {
         picture = beside_denoised(denoised, &picture, exposure, &noisy);
     }
+    keep_certain(&mut picture, &noisy);
     let mut doubt = doubt(&picture, &noisy);
     for image in [&mut picture, &mut doubt] {
         *image = image.crop(inner.start, 0, inner.len(), width);
@@ -93,6 +98,22 @@ fn beside_denoised(denoised: &Image, picture: &Image, exposure: f32, noisy: &[Im
             *v = if is_still || !denoised[x].is_finite() { own[x] } else { denoised[x] * exposure };
         }
     })
+}
+
+/// Puts what both halves say where they agree on far more light than the picture has: a lamp of one pixel, say, that a
+/// denoiser or a window spreads. (Less light is no such sign: where no sample hit, halves agree on 0.)
+fn keep_certain(picture: &mut Image, noisy: &[Image; 2]) {
+    let noise = box_mean(&noise(noisy), CERTAIN_RADIUS);
+    picture.for_each_row(|c, y, row| {
+        let halves = noisy[0].row(c, y).iter().zip(noisy[1].row(c, y));
+        for ((v, (a, b)), noise) in row.iter_mut().zip(halves).zip(noise.row(0, y)) {
+            let own = 0.5 * (a + b);
+            let more = own.signum() * (own - *v);
+            if more > 0.0 && more * more > CERTAIN * CERTAIN * noise {
+                *v = own;
+            }
+        }
+    });
 }
 
 /// How wrong a pass may be, `[1, H, W]`: in proportion to its value, and less where it is little noisier than [`LITTLE_NOISE`].
@@ -158,4 +179,28 @@ fn disagreement(picture: &[Image; 2], noisy: &[Image; 2], weight: &Image) -> Ima
 
 fn judged(error: Image) -> Image {
     box_mean(&box_mean(&error, JUDGE_RADIUS), JUDGE_RADIUS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lamp of 50 in one pixel, in both halves; the picture has 10 of it. Beside it a firefly of one half, and light
+    /// that no sample hit.
+    #[test]
+    fn a_lamp_that_both_halves_see_is_kept_and_a_firefly_is_not() {
+        let half = |h: usize| {
+            Image::from_fn(3, 9, 20, |_, y, x| match (y, x) {
+                (4, 4) => 50.0 + 0.1 * h as f32,
+                (4, 15) => 50.0 * h as f32,
+                _ => 0.0,
+            })
+        };
+        let mut picture = Image::filled(3, 9, 20, 0.2);
+        picture.set(0, 4, 4, 10.0);
+        keep_certain(&mut picture, &[half(0), half(1)]);
+        assert_eq!([0, 1, 2].map(|c| picture.at(c, 4, 4)), [50.05; 3]);
+        assert_eq!(picture.at(0, 4, 15), 0.2);
+        assert_eq!(picture.at(0, 0, 0), 0.2);
+    }
 }
