@@ -24,9 +24,7 @@ pub(super) const REACH: usize = 2 * JUDGE_RADIUS + FADE_RADIUS + NOISE_RADIUS;
 /// Relative noise of the mean of both halves below which there is none: rounding.
 const STILL: f32 = 1e-3;
 /// Standard deviations of its noise by which both halves must outshine a pass's picture to stand in its place.
-const CERTAIN: f32 = 6.0;
-/// Radius over which that noise is averaged.
-const CERTAIN_RADIUS: usize = 1;
+const CERTAIN: f32 = 8.0;
 /// Relative noise at which half of a pass's value is doubted.
 const LITTLE_NOISE: f32 = 0.1;
 
@@ -103,13 +101,16 @@ fn beside_denoised(denoised: &Image, picture: &Image, exposure: f32, noisy: &[Im
 /// Puts what both halves say where they agree on far more light than the picture has: a lamp of one pixel, say, that a
 /// denoiser or a window spreads. (Less light is no such sign: where no sample hit, halves agree on 0.)
 fn keep_certain(picture: &mut Image, noisy: &[Image; 2]) {
-    let noise = box_mean(&noise(noisy), CERTAIN_RADIUS);
+    // The pixel's own noise may be small by chance, that around it large by its fireflies.
+    let own_noise = noise(noisy);
+    let around = box_mean(&own_noise, NOISE_RADIUS);
     picture.for_each_row(|c, y, row| {
         let halves = noisy[0].row(c, y).iter().zip(noisy[1].row(c, y));
-        for ((v, (a, b)), noise) in row.iter_mut().zip(halves).zip(noise.row(0, y)) {
+        let noise = own_noise.row(0, y).iter().zip(around.row(0, y));
+        for ((v, (a, b)), (own_noise, around)) in row.iter_mut().zip(halves).zip(noise) {
             let own = 0.5 * (a + b);
             let more = own.signum() * (own - *v);
-            if more > 0.0 && more * more > CERTAIN * CERTAIN * noise {
+            if more > 0.0 && more * more > CERTAIN * CERTAIN * own_noise.max(*around) {
                 *v = own;
             }
         }
