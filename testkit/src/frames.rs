@@ -112,6 +112,14 @@ pub fn prepared(halves: [Image; 2]) -> Prepared {
     }
 }
 
+/// A textured frame with a denoised picture of the full buffer and one missing pixel, (1, 40, 7) of half a's radiance.
+pub fn with_missing_pixel(height: usize, width: usize) -> Frame {
+    let mut frame = frame_of(&textured(height, width, &mut Rng::new(5)));
+    frame.denoised = Some(Image::mean_of(&frame.a.denoised, &frame.b.denoised));
+    frame.a.radiance.set(1, 40, 7, f32::NAN);
+    frame
+}
+
 /// Two feature tensors as a frame as read, without a denoised full buffer.
 pub fn frame_of(halves: &[Image; 2]) -> Frame {
     let half = |features: &Image| HalfBuffer {

@@ -121,13 +121,7 @@ impl<U: Upstream> Correct<'_, U> {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
             let sums = work.sums.at::<S>(y, x);
-            sums.fill(0.0);
-            for m in 0..BANDWIDTH_COUNT {
-                s.store(
-                    &mut sums[(WIDTHS + m) * S::LANES..],
-                    s.mul(p[BANDWIDTHS + m], s.splat(tap_sums::exponent_unit(m))),
-                );
-            }
+            begin(s, &p, sums);
             for i in 0..if U::NEEDED { SLOPE_COUNT } else { 0 } {
                 s.store(&mut sums[(SLOPE_VALUES + i) * S::LANES..], p[SLOPES + i]);
             }
@@ -152,6 +146,16 @@ impl<U: Upstream> Correct<'_, U> {
                 store_planes(s, self.gradient, plane, place, lanes, &gradient[..form.parameters()]);
             }
         }
+    }
+}
+
+/// Sums of a vector of pixels before its first tap: 0, and the widths that its weights are made of.
+#[inline(always)]
+pub(super) fn begin<S: Simd>(s: S, p: &[S::F; MAX_PARAMETERS], sums: &mut [f32]) {
+    sums.fill(0.0);
+    for m in 0..BANDWIDTH_COUNT {
+        let unit = tap_sums::exponent_unit(m);
+        s.store(&mut sums[(WIDTHS + m) * S::LANES..], s.mul(p[BANDWIDTHS + m], s.splat(unit)));
     }
 }
 

@@ -4,14 +4,14 @@
 //! all of them; a plane costs a multiplication and an addition per tap.
 
 use super::from_sums::MAX_PARAMETERS;
-use super::kernel::{load_parameters, store_planes};
+use super::kernel::{begin, load_parameters, store_planes};
 use super::pair_logarithms::{Logarithms, RowTaps};
 use super::strip::{LEFT, PITCH, Rows, STRIP, at_column};
-use super::tap_sums::{self, Sums, TapRow, WEIGHT, WIDTHS};
+use super::tap_sums::{self, Sums, TapRow, WEIGHT};
 use super::{Correction, WEIGHT_FLOOR};
 use crate::aligned::Aligned;
 use crate::features::FEATURE_CHANNELS;
-use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, CENTRE};
+use crate::parameters::CENTRE;
 use crate::region::Region;
 use crate::simd::{Kernel, MAX_LANES, Simd};
 use crate::windows::PaddedPlanes;
@@ -109,12 +109,7 @@ impl Means<'_> {
         for x in (0..width).step_by(S::LANES) {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
-            let sums = work.sums.at::<S>(y, x);
-            sums.fill(0.0);
-            for m in 0..BANDWIDTH_COUNT {
-                let unit = tap_sums::exponent_unit(m);
-                s.store(&mut sums[(WIDTHS + m) * S::LANES..], s.mul(p[BANDWIDTHS + m], s.splat(unit)));
-            }
+            begin(s, &p, work.sums.at::<S>(y, x));
         }
     }
 

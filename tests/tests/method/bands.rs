@@ -4,29 +4,20 @@ use sspc_core::composition::Composition;
 use sspc_core::correct::CorrectionSettings;
 use sspc_core::prepare::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
-use sspc_image::{Frame, Image};
 use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_testkit::closeness::assert_images_close;
-use sspc_testkit::frames::{frame_of, textured};
+use sspc_testkit::frames::with_missing_pixel;
 use sspc_testkit::method::{correct, window_network};
 
 /// The box means add rows in another order: f64 sums of f32 values, rounded to f32.
 const TOLERANCE: f64 = 1e-5;
 
-/// A textured frame with one missing pixel.
-fn frame(height: usize, width: usize) -> Frame {
-    let mut frame = frame_of(&textured(height, width, &mut Rng::new(5)));
-    frame.denoised = Some(Image::mean_of(&frame.a.denoised, &frame.b.denoised));
-    frame.a.radiance.set(1, 40, 7, f32::NAN);
-    frame
-}
-
 #[test]
 fn bands_give_the_same_picture_and_the_same_figures() {
     let (height, width) = (150, 21);
-    let frame = frame(height, width);
+    let frame = with_missing_pixel(height, width);
     let stats = FrameStats::of(&frame, Exposure::Normalised);
     let form = Form::Gated;
     let shape = Shape { hidden: 4, layers: 2, outputs: form.parameters() };

@@ -11,7 +11,7 @@ use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_testkit::closeness::assert_images_close;
-use sspc_testkit::frames::{frame_of, textured};
+use sspc_testkit::frames::with_missing_pixel;
 use sspc_testkit::method::{correct, window_network};
 use std::convert::Infallible;
 use std::ops::Range;
@@ -78,16 +78,9 @@ fn corrected(frame: &Frame, passes: &mut Held, rows: usize, strength: f32) -> (I
     (picture, made)
 }
 
-fn frame(height: usize, width: usize) -> Frame {
-    let mut frame = frame_of(&textured(height, width, &mut Rng::new(5)));
-    frame.denoised = Some(Image::mean_of(&frame.a.denoised, &frame.b.denoised));
-    frame.a.radiance.set(1, 40, 7, f32::NAN);
-    frame
-}
-
 #[test]
 fn bands_give_the_same_passes() {
-    let frame = frame(150, 21);
+    let frame = with_missing_pixel(150, 21);
     let wavy = |k: usize, x: usize| {
         let share = 0.5 + 0.3 * (x as f32 * 0.7).sin();
         if k == 0 { share } else { 1.0 - share }
@@ -106,7 +99,7 @@ fn bands_give_the_same_passes() {
 /// Fails when a pass is averaged by other weights than another, or shared out by anything but its value.
 #[test]
 fn passes_in_proportion_to_the_colour_stay_in_proportion_to_the_picture() {
-    let frame = frame(90, 33);
+    let frame = with_missing_pixel(90, 33);
     let shares = [0.5, 0.3, 0.2];
     let (picture, made) = corrected(&frame, &mut passes_of(&frame, 3, |k, _| shares[k]), 90, 1.0);
     // The doubt of a pass is in proportion too, so larger ones take more of what is lacking: near the shares, not at them.
