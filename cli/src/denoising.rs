@@ -13,18 +13,17 @@ use sspc_image::{Buffer, CompactImage, Image, Role};
 use sspc_oidn::buffers::mean_of_finite;
 use sspc_oidn::{Mode, Oidn, OidnError, Picture, Quality, Rows, Run};
 use std::cell::OnceCell;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Most memory for the library's own work, MiB; its pictures come on top: 48 bytes a pixel.
 const MAX_MEMORY: u32 = 1024;
-/// The quality where none is asked for.
-const DEFAULT_QUALITY: Quality = Quality::High;
 /// Rows that are read at a time.
 const ROWS: usize = 256;
-/// The mode where none is asked for.
-const DEFAULT_MODES: &[Mode] = &[Mode::Aux];
+/// The mode that makes z where nobody names one.
+const PLAIN: &[Mode] = &[Mode::Aux];
 /// A pass whose sum is below this share of its size subtracts light.
 const POSITIVE: f64 = 0.999;
 /// What is denoised.
@@ -39,12 +38,12 @@ pub struct DenoiseArgs {
     pub oidn: Option<PathBuf>,
 
     /// What it is guided by: albedo and normal as rendered (aux), denoised first (clean-aux), nothing (colour). With several,
-    /// or beside denoised pictures from files, each is one more picture to correct from [default: aux, where the files have
-    /// no denoised pictures]
+    /// or beside denoised pictures from files, each is one more picture to correct from [default, where the files have no
+    /// denoised pictures: the preset's or the model's]
     #[arg(long, value_name = "MODE,...", value_delimiter = ',')]
     pub oidn_modes: Option<Vec<Mode>>,
 
-    /// Time against quality of its pictures: fast, balanced or high [default: high]
+    /// Time against quality of its pictures: fast, balanced or high [default: the preset's or the model's]
     #[arg(long, value_name = "QUALITY")]
     pub oidn_quality: Option<Quality>,
 }
@@ -81,21 +80,31 @@ pub struct MadePicture {
     pub seconds: f64,
 }
 
-/// Modes, as a model keeps them, so that frames that it corrects are denoised as those that it was fitted on.
+/// Modes and quality where the arguments name none: a preset's, or those that a model keeps, so that frames that it
+/// corrects are denoised as those that it was fitted on.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct KeptModes {
+pub struct UnaskedModes {
     /// The first makes z; else z is in the files, and all are further pictures.
     makes_first: bool,
     modes: Vec<Mode>,
     quality: Quality,
 }
 
-impl KeptModes {
+impl UnaskedModes {
     /// The key in a model's metadata.
     pub const KEY: &str = "denoised_by_oidn";
 
-    /// What a model says; `None` where it says nothing that is understood.
-    pub fn of(text: &str) -> Option<Self> {
+    /// For frames without denoised pictures: the first makes z, the others are further pictures.
+    pub fn to_make_z(modes: &[Mode], quality: Quality) -> Self {
+        Self { makes_first: true, modes: modes.to_vec(), quality }
+    }
+
+    /// Of a model's metadata; `None` where they say nothing that is understood.
+    pub fn of_model(metadata: &BTreeMap<String, String>) -> Option<Self> {
+        metadata.get(Self::KEY).and_then(|text| Self::of(text))
+    }
+
+    fn of(text: &str) -> Option<Self> {
         let mut words = text.split(' ');
         let makes_first = match words.next()? {
             "z" => true,
@@ -107,7 +116,7 @@ impl KeptModes {
     }
 }
 
-impl fmt::Display for KeptModes {
+impl fmt::Display for UnaskedModes {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let what = if self.makes_first { "z" } else { "beside-z" };
         write!(out, "{what} {} {}", names(&self.modes), self.quality)
@@ -117,8 +126,7 @@ impl fmt::Display for KeptModes {
 /// The denoiser of a command, opened when the first frame needs it.
 pub struct Denoising<'a> {
     args: &'a DenoiseArgs,
-    /// Where the arguments name none.
-    kept: Option<KeptModes>,
+    unasked: UnaskedModes,
     library: OnceCell<Oidn>,
 }
 
@@ -131,14 +139,10 @@ struct Task {
 }
 
 impl<'a> Denoising<'a> {
-    /// As the arguments ask.
-    pub fn new(args: &'a DenoiseArgs) -> Self {
-        Self { args, kept: None, library: OnceCell::new() }
-    }
-
-    /// The same, with a model's modes and quality where the arguments name none.
-    pub fn as_kept(self, kept: Option<KeptModes>) -> Self {
-        Self { kept, ..self }
+    /// As the arguments ask, and where they do not, as a preset or a model has it, else guided by features as rendered.
+    pub fn new(args: &'a DenoiseArgs, unasked: Option<UnaskedModes>) -> Self {
+        let unasked = unasked.unwrap_or_else(|| UnaskedModes::to_make_z(PLAIN, Quality::High));
+        Self { args, unasked, library: OnceCell::new() }
     }
 
     /// Makes what the frame's files do not hold, and gives it to the frame.
@@ -228,15 +232,13 @@ impl<'a> Denoising<'a> {
     }
 
     fn quality(&self) -> Quality {
-        let kept = self.kept.as_ref().map(|kept| kept.quality);
-        self.args.oidn_quality.or(kept).unwrap_or(DEFAULT_QUALITY)
+        self.args.oidn_quality.unwrap_or(self.unasked.quality)
     }
 
     fn task(&self, open: &OpenFrame) -> Option<Task> {
         let makes_first = open.undenoised().is_some();
-        let kept = self.kept.as_ref().filter(|kept| kept.makes_first == makes_first).map(|kept| kept.modes.as_slice());
-        let default = makes_first.then_some(DEFAULT_MODES);
-        let asked = self.args.oidn_modes.as_deref().or(kept).or(default)?;
+        let unasked = (self.unasked.makes_first == makes_first).then_some(self.unasked.modes.as_slice());
+        let asked = self.args.oidn_modes.as_deref().or(unasked).or(makes_first.then_some(PLAIN))?;
         let albedo = open.has(Role::Albedo, Buffer::A);
         let mut modes: Vec<Mode> = Vec::new();
         for mode in asked.iter().map(|mode| mode.with(albedo)) {
@@ -281,8 +283,8 @@ impl DenoiserReport {
     }
 
     /// What a model keeps.
-    pub fn kept(&self) -> KeptModes {
-        KeptModes { makes_first: self.makes_first, modes: self.modes.clone(), quality: self.quality }
+    pub fn kept(&self) -> UnaskedModes {
+        UnaskedModes { makes_first: self.makes_first, modes: self.modes.clone(), quality: self.quality }
     }
 }
 
@@ -361,10 +363,10 @@ mod tests {
     #[test]
     fn what_a_model_keeps_is_read_back() {
         for text in ["z aux high", "beside-z clean-aux,colour balanced"] {
-            assert_eq!(KeptModes::of(text).map(|kept| kept.to_string()).as_deref(), Some(text));
+            assert_eq!(UnaskedModes::of(text).map(|kept| kept.to_string()).as_deref(), Some(text));
         }
         for text in ["", "z", "z aux", "z albedo high", "files aux high"] {
-            assert_eq!(KeptModes::of(text), None, "{text}");
+            assert_eq!(UnaskedModes::of(text), None, "{text}");
         }
     }
 }

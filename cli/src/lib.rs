@@ -28,7 +28,8 @@ pub mod record;
 pub mod run_args;
 pub mod shot;
 
-pub use denoising::{DenoiserReport, Denoising, KeptModes};
+pub use denoising::{DenoiserReport, Denoising, UnaskedModes};
 pub use failure::{Code, Failure};
 pub use frame_args::{FrameArgs, FrameJob};
 pub use run_args::{ProgressFormat, RunArgs, Verbosity};
+pub use sspc_oidn::{Mode, Quality};

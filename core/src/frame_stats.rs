@@ -3,7 +3,6 @@
 
 use crate::exposure::{self, NoisyPixel};
 use crate::independence::{Independence, IndependenceCollector};
-use crate::trust::Trust;
 use rayon::prelude::*;
 use sspc_image::{Frame, Image, Role};
 use sspc_kernels::features::FeatureSet;
@@ -34,8 +33,6 @@ pub struct Findings {
     pub pixels_without_feature: usize,
     /// Negative colour values: 0 to the method, left as they are where the denoiser's are.
     pub negative_values: usize,
-    /// Correlation of the halves' noise that loss, blend weight and estimates are freed of; 0 where it is negligible.
-    pub shared_noise: f32,
 }
 
 impl Findings {
@@ -226,8 +223,7 @@ impl Collector {
             Exposure::OfNoise => exposure::of_noisy(&self.noisy_pixels),
         };
         let independence = self.independence.finish();
-        let found = Findings { shared_noise: Trust::of(&independence).shared_noise(), ..self.found };
-        FrameStats { exposure, set, noisy: self.noisy, found, independence }
+        FrameStats { exposure, set, noisy: self.noisy, found: self.found, independence }
     }
 }
 

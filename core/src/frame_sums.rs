@@ -18,7 +18,6 @@ use crate::trust::Trust;
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::{DENOISED, RADIANCE};
-use std::borrow::Cow;
 use std::ops::Range;
 
 /// Sums over the blocks of a picture, or of its first bands from top to bottom.
@@ -162,13 +161,11 @@ impl FrameSums {
 struct Pixels<'a> {
     z: [[&'a [f32]; 3]; 2],
     radiance: [[&'a [f32]; 3]; 2],
-    target: [[Cow<'a, [f32]>; 3]; 2],
     corrected: [[&'a [f32]; 3]; 2],
     share: &'a [f32],
     denoised: [&'a [f32]; 3],
     correction: [&'a [f32]; 3],
     valid: Option<&'a [f32]>,
-    variance_factor: f64,
     /// 0.01 of relL2 in the method's units.
     floor: f64,
 }
@@ -185,13 +182,11 @@ impl<'a> Pixels<'a> {
         Self {
             z: [0, 1].map(|h| channels(&prepared.halves[h], DENOISED)),
             radiance: [0, 1].map(|h| channels(&prepared.halves[h], RADIANCE)),
-            target: [0, 1].map(|h| [0, 1, 2].map(|k| prepared.target_row(h, k, y))),
             corrected: [0, 1].map(|h| channels(&corrected[h], 0)),
             share: share.row(0, y),
             denoised: channels(&prepared.denoised, 0),
             correction: channels(correction, 0),
             valid: prepared.valid.as_ref().map(|valid| valid.row(0, y)),
-            variance_factor: prepared.variance_factor(),
             floor: f64::from(RELATIVE_FLOOR * prepared.exposure * prepared.exposure),
         }
     }
@@ -218,7 +213,7 @@ impl<'a> Pixels<'a> {
             // ‖x - y‖² of z, blended and corrected, and what the second has less than the first.
             let (mut of_z, mut of_blended, mut of_corrected, mut gain) = (0.0, 0.0, 0.0, 0.0);
             for k in 0..3 {
-                let (corrected, y) = (self.corrected[h][k][x], self.target[h][k][x]);
+                let (corrected, y) = (self.corrected[h][k][x], self.radiance[1 - h][k][x]);
                 let mixed = (z[k] + self.share[x] * (corrected - z[k])).max(0.0);
                 blended[k] = mixed;
                 let square = |from: f32| f64::from(from - y) * f64::from(from - y);
@@ -247,7 +242,7 @@ impl<'a> Pixels<'a> {
             denoised += f64::from(self.denoised[k][x]);
         }
         let [finished, denoised] = [finished, denoised].map(|sum| (sum / 3.0) * (sum / 3.0) + self.floor);
-        let error = |i: usize| squared[i] - self.variance_factor * variance - 0.25 * apart[i];
+        let error = |i: usize| squared[i] - variance - 0.25 * apart[i];
         let [of_z, of_blended] = [error(0), error(1)];
         let [loss_z, loss_blended, loss_corrected, gain] = losses;
         [

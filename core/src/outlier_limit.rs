@@ -5,7 +5,7 @@
 //! of one size and independent signs differ by about as much as their mean differs from the picture. So where the picture
 //! is further from the mean than that, around a pixel, it is brought nearer; and no pixel leaves the halves' range by more
 //! than twice what they differ by close to it. Where one half itself is far brighter than the other and nothing around
-//! the pixel differs so, the brighter one is the firefly, and the range ends near the darker.
+//! the pixel differs so, the brighter one is the firefly, and the range is from the darker to a little above it.
 
 use crate::box_mean::box_mean;
 use crate::objective::{RELATIVE_FLOOR, weight_of};
@@ -77,8 +77,11 @@ pub(crate) fn limit_outliers(prepared: &Prepared, halves: &[Image; 2], share: &m
                 let (a, b, value) = (a[k][x], b[k][x], whole[k][x]);
                 let mean = 0.5 * (a + b);
                 let nearer = if far > allowed { mean + allowed / far * (value - mean) } else { value };
-                let highest = if apart[x] > most_apart { a.min(b) + most_apart } else { a.max(b) + margin };
-                nearer.max(a.min(b) - margin).min(highest)
+                let (darker, brighter) = (a.min(b), a.max(b));
+                match apart[x] > most_apart {
+                    true => nearer.max(darker).min(darker + most_apart),
+                    false => nearer.max(darker - margin).min(brighter + margin),
+                }
             });
             if (0..3).any(|k| limited[k] != whole[k][x]) {
                 share[x] = share[x].max(LEAST_SHARE);

@@ -111,7 +111,7 @@ impl Prepared {
         let valid = valid.plane(0).contains(&0.0).then_some(valid);
         let plan = match stats.trust() {
             Trust::None(_) => Plan::nothing(halves[0].height(), halves[0].width()),
-            Trust::Independent | Trust::SharedNoise(_) => Plan::new(&halves, valid.as_ref()),
+            Trust::Independent => Plan::new(&halves, valid.as_ref()),
         };
         Self { plan, exposure, halves: halves.map(Arc::new), denoised, valid, set, variants: Vec::new(), found }
     }
@@ -193,37 +193,20 @@ impl Prepared {
         }
     }
 
-    /// Row `y` of channel `k` of what the correction of half `h` is compared with: y of the other half, freed of the
-    /// noise that both share ([`crate::trust`]).
-    pub fn target_row(&self, h: usize, k: usize, y: usize) -> Cow<'_, [f32]> {
-        let [own, other] = [h, 1 - h].map(|h| self.halves[h].row(RADIANCE + k, y));
-        match self.found.shared_noise {
-            0.0 => Cow::Borrowed(other),
-            shared => Cow::Owned(other.iter().zip(own).map(|(other, own)| freed(*other, *own, shared)).collect()),
-        }
+    /// Row `y` of channel `k` of what the correction of half `h` is compared with: y of the other half.
+    pub fn target_row(&self, h: usize, k: usize, y: usize) -> &[f32] {
+        self.halves[1 - h].row(RADIANCE + k, y)
     }
 
     /// The same of pixel `i` (y * width + x).
     pub fn target(&self, h: usize, k: usize, i: usize) -> f32 {
-        let [own, other] = [h, 1 - h].map(|h| self.halves[h].plane(RADIANCE + k)[i]);
-        if self.found.shared_noise == 0.0 { other } else { freed(other, own, self.found.shared_noise) }
-    }
-
-    /// ½ (y^a - y^b)² times this is an unbiased estimate of the variance of [`Self::target`].
-    pub fn variance_factor(&self) -> f64 {
-        let shared = f64::from(self.found.shared_noise);
-        (1.0 + shared) / (1.0 - shared).powi(2)
+        self.halves[1 - h].plane(RADIANCE + k)[i]
     }
 
     /// Whether pixel `i` (y * width + x) counts.
     pub fn is_valid(&self, i: usize) -> bool {
         self.valid.as_ref().is_none_or(|v| v.plane(0)[i] != 0.0)
     }
-}
-
-/// (y^b - ρ y^a) / (1 - ρ): unbiased as both are, its noise uncorrelated with that of y^a (Gram-Schmidt).
-fn freed(other: f32, own: f32, shared: f32) -> f32 {
-    (other - shared * own) / (1.0 - shared)
 }
 
 /// The picture in the frame's units that a correction is compared with and added to: the full buffer's

@@ -1,16 +1,8 @@
-//! What is done about halves whose noise is not independent: nothing, a loss that takes it into account, or no
-//! correction at all.
+//! What is done about halves whose noise is not independent: no correction at all.
 //!
-//! **Shared noise.** A firefly that both halves share looks true to either, so with a correlation of 0.3 pictures come
-//! out up to 2.6 times worse than the denoiser's, some with 0.1. A negative one makes them trust y too much: 1.7 times
-//! at -0.3. The denoiser's picture is the answer then, aloud.
-//!
-//! **Texture.** Where texture may explain the correlation, the loss is freed of it instead. With a correlation ρ between
-//! n^a and n^b of equal variance, (y^b - ρ y^a) / (1 - ρ) is still unbiased, and its noise is uncorrelated with that of
-//! y^a; in the place of y^b, in the loss, the blend weight and the estimates, it makes them sound, at (1 + ρ) / (1 - ρ)
-//! times the variance. (Uncorrelated is not independent: with outliers it does not do, which is why it isn't the answer
-//! to everything. At ρ = 0.3 two interiors came out at 0.68 and 0.75 of the denoiser's error where they were 1.0 and 1.7,
-//! a small scene with caustics at 1.3 to 1.7.)
+//! A firefly that both halves share looks true to either, so with a correlation of 0.3 pictures come out up to 2.6 times
+//! worse than the denoiser's, some with 0.1. A negative one makes them trust y too much: 1.7 times at -0.3. The
+//! denoiser's picture is the answer then, aloud.
 
 use crate::alignment::Alignment;
 use crate::frame_stats::FrameStats;
@@ -20,9 +12,9 @@ use std::fmt;
 /// Correlations between these are left alone: independent halves were measured from -0.04 to 0.05. (At 0.09, 0.05 of it
 /// injected, a frame of little gain came out at 1.03 of the denoiser's error.)
 pub const NEGLIGIBLE: (f64, f64) = (-0.08, 0.07);
-/// Where texture is at work, correlations up to the first are left alone, and the loss is freed of those up to the second.
-/// (Fine leaves at 64 samples a pixel give 0.18; a half that is the full buffer, 0.33 under fireflies.)
-pub const TEXTURED: (f64, f64) = (0.15, 0.2);
+/// Correlations up to this are left alone where texture is at work. (Fine leaves at 64 samples a pixel give 0.18 and more; a
+/// half that is the full buffer, 0.33 under fireflies.)
+pub const NEGLIGIBLE_BESIDE_TEXTURE: f64 = 0.2;
 /// Difference of the halves' brightness, as a share of it, beyond which they are not of one exposure.
 pub const BRIGHTNESS_DIFFERS: f64 = 0.08;
 /// Energy of one half's residual over the other's beyond which one of them is no render: a filter takes away more.
@@ -36,8 +28,6 @@ pub const EDGES_DIFFER: f64 = 0.3;
 pub enum Trust {
     /// They are what they claim to be, as far as can be told.
     Independent,
-    /// Their noise has this correlation, which the loss is freed of.
-    SharedNoise(f64),
     /// Nothing: the picture is the denoiser's.
     None(Distrust),
 }
@@ -67,29 +57,14 @@ impl Trust {
         if r + found.standard_error < NEGLIGIBLE.0 {
             return Trust::None(Distrust::Correlated(r));
         }
-        let (left_alone, freed) = if found.textured { TEXTURED } else { (NEGLIGIBLE.1, NEGLIGIBLE.1) };
-        match r - found.standard_error {
-            surely if surely <= left_alone => Trust::Independent,
-            surely if surely <= freed => Trust::SharedNoise(r),
-            _ => Trust::None(Distrust::Correlated(r)),
-        }
-    }
-
-    /// The correlation that the loss is freed of; 0 where it is left as it is.
-    pub fn shared_noise(self) -> f32 {
-        match self {
-            Trust::SharedNoise(r) => r as f32,
-            Trust::Independent | Trust::None(_) => 0.0,
-        }
+        let most = if found.textured { NEGLIGIBLE_BESIDE_TEXTURE } else { NEGLIGIBLE.1 };
+        if r - found.standard_error <= most { Trust::Independent } else { Trust::None(Distrust::Correlated(r)) }
     }
 
     /// What a person should know.
     pub fn warning(self) -> Option<String> {
         match self {
             Trust::Independent => None,
-            Trust::SharedNoise(r) => Some(format!(
-                "the noise of the halves may be correlated ({r:+.2}, expected 0), or they share texture that the denoiser blurs: what is corrected allows for it"
-            )),
             Trust::None(distrust) => Some(distrust.to_string()),
         }
     }
@@ -181,7 +156,7 @@ mod tests {
                 f.textured = true;
             })
         };
-        assert_eq!([0.15, 0.2].map(textured), [Trust::Independent, Trust::SharedNoise(0.2)]);
+        assert_eq!([0.15, 0.2].map(textured), [Trust::Independent; 2]);
         assert_eq!(textured(0.3), Trust::None(Distrust::Correlated(0.3)));
         let aligned = |seen, cells, offset| of(&|f| f.alignment = Some(Alignment { edges: 0.1, seen, cells, offset }));
         assert_eq!(aligned(false, 0.2, [0, 0]), Trust::None(Distrust::Edges(0.2)));

@@ -16,7 +16,7 @@ use sspc_cli::reading::check_variants;
 use sspc_cli::record::peak_rss_bytes;
 use sspc_cli::shot::Shot;
 use sspc_cli::shot::settings::{MotionSearch, ShotSettings};
-use sspc_cli::{Code, Denoising, Failure, FrameJob, interrupt};
+use sspc_cli::{Code, Denoising, Failure, FrameJob, UnaskedModes, interrupt};
 use sspc_core::estimate::Mean;
 use sspc_core::frame_sums::Verdict;
 use sspc_core::prepare::Prepared;
@@ -37,10 +37,8 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     output.status("reading");
     let mut settings = Settings::of(args.preset, args.seed);
     setting_overrides::apply(&args.changes, &mut settings, args.init.is_some())?;
-    let initial = match &args.init {
-        Some(path) => Some(warm_start::load(path, &mut settings)?),
-        None => None,
-    };
+    let warm = args.init.as_deref().map(warm_start::read_model).transpose()?;
+    let initial = warm.as_ref().map(|model| warm_start::begin(model, &mut settings));
     let overrides = args.frame.overrides()?;
     let all = args.frame.jobs(args.reference.as_deref())?;
     let jobs = training_frames(&all);
@@ -50,7 +48,13 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         output
             .say(&format!("fits to {count} of {of} frames: {list}; sspc-infer run corrects the others with the model"));
     }
-    let denoising = Denoising::new(&args.frame.denoise);
+    let unasked = match &warm {
+        Some(model) => UnaskedModes::of_model(&model.contract.extra),
+        // Nothing is corrected: z is all that is wanted.
+        None if args.run.strength == 0.0 => None,
+        None => Some(args.preset.denoising()),
+    };
+    let denoising = Denoising::new(&args.frame.denoise, unasked);
     let shot = if args.run.dry_run { None } else { shot(args, &jobs, &denoising, &output)? };
     let mut frames = Vec::new();
     for job in jobs {

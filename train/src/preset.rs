@@ -1,6 +1,7 @@
 //! Presets: how a corrector is started and trained.
 
 use crate::combination::Combination;
+use sspc_cli::{Mode, Quality, UnaskedModes};
 use sspc_core::composition::Composition;
 use sspc_core::frame_stats::Exposure;
 use sspc_core::held_out;
@@ -22,6 +23,19 @@ pub enum Preset {
     Balanced,
     /// As `balanced`, with more steps, the more the larger the picture.
     Quality,
+}
+
+impl Preset {
+    /// How frames are denoised that have no denoised pictures, where nobody says: the more time a preset takes, the more
+    /// different pictures there are to correct from.
+    pub fn denoising(self) -> UnaskedModes {
+        use Mode::{Aux, CleanAux, Colour};
+        match self {
+            Preset::Paper | Preset::Fast => UnaskedModes::to_make_z(&[Aux], Quality::High),
+            Preset::Balanced => UnaskedModes::to_make_z(&[Aux, CleanAux], Quality::Balanced),
+            Preset::Quality => UnaskedModes::to_make_z(&[Aux, CleanAux, Colour], Quality::High),
+        }
+    }
 }
 
 impl fmt::Display for Preset {

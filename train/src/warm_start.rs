@@ -6,16 +6,8 @@ use sspc_kernels::network::Network;
 use sspc_onnx::{Model, load_model};
 use std::path::Path;
 
-/// Networks of a fitted model to start from; form, window, exposure, composition and features of the
-/// settings become the model's.
-///
-/// # Errors
-/// When the file is no model.
-pub fn load(path: &Path, settings: &mut Settings) -> Result<Vec<Network>, Failure> {
-    Ok(begin(&read_model(path)?, settings))
-}
-
-/// The same of a model in memory.
+/// Networks of a fitted model to start from; form, window, exposure, composition and features of the settings become the
+/// model's.
 pub fn begin(model: &Model, settings: &mut Settings) -> Vec<Network> {
     settings.form = model.contract.form;
     settings.shape = model.contract.shape;

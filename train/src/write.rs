@@ -12,7 +12,7 @@ use crate::report::FitReport;
 use rayon::prelude::*;
 use sspc_cli::record::{self, peak_rss_bytes};
 use sspc_cli::shot::settings::ShotSettings;
-use sspc_cli::{Code, Failure, KeptModes};
+use sspc_cli::{Code, Failure, UnaskedModes};
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::preview::{Rgb8, error_map, strip, tone_map, write_png};
 use sspc_frames::{OutputPlan, RoleOverrides};
@@ -153,7 +153,7 @@ fn model(&Written { shot, settings, inputs, fitted, .. }: &Written) -> Result<Mo
     let mut model =
         fitted_model(settings, fitted, features, frames, concat!("sspc-train ", env!("CARGO_PKG_VERSION")))?;
     if let Some(made) = &inputs[0].denoiser {
-        model.contract.extra.insert(KeptModes::KEY.into(), made.kept().to_string());
+        model.contract.extra.insert(UnaskedModes::KEY.into(), made.kept().to_string());
     }
     // Without any neighbour the network has seen nothing but z.
     let has_neighbours = inputs.iter().flat_map(|input| &input.neighbours).any(|found| found.left_out.is_none());

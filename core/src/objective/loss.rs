@@ -43,7 +43,7 @@ impl Objective {
             HalfObjective {
                 planes: FeaturePlanes::new(prepared.halves[h].clone(), valid.clone(), set, taps.radius()),
                 target: Image::from_rows(3, other.height(), other.width(), |k, y, row| {
-                    row.copy_from_slice(&prepared.target_row(h, k, y));
+                    row.copy_from_slice(prepared.target_row(h, k, y));
                 }),
                 weight: relative_weight(other, prepared.valid.as_ref(), RELATIVE_FLOOR),
             }

@@ -22,7 +22,7 @@ use shared::Shared;
 use sspc_cli::output::Output;
 use sspc_cli::shot::Shot;
 use sspc_cli::shot::settings::ShotSettings;
-use sspc_cli::{Code, Denoising, Failure, KeptModes, interrupt};
+use sspc_cli::{Code, Denoising, Failure, UnaskedModes, interrupt};
 use sspc_frames::atomic::check_output;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::{Contract, load_model};
@@ -44,8 +44,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let engine = Engine::new(model, arguments.kernels.of(isa), arguments.tile);
     let bar = (jobs.len() > 1).then_some("{bar:32} {pos}/{len} frames  {eta} left");
     let output = Output::new(arguments.run.verbosity(), bar).with_progress(arguments.run.progress);
-    let kept = engine.model().contract.extra.get(KeptModes::KEY).and_then(|kept| KeptModes::of(kept));
-    let denoising = Denoising::new(&arguments.frame.denoise).as_kept(kept);
+    let denoising = Denoising::new(&arguments.frame.denoise, UnaskedModes::of_model(&engine.model().contract.extra));
     let shot = shot(arguments, &engine.model().contract, &denoising, &output)?;
     let shared = Shared {
         arguments,

@@ -5,7 +5,7 @@ use sspc_core::compose::Composer;
 use sspc_core::composition::Composition;
 use sspc_core::corrector;
 use sspc_core::independence::Independence;
-use sspc_core::prepare::{Exposure, Findings, FrameStats, Prepared};
+use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_image::{Frame, HalfBuffer, Image};
@@ -87,7 +87,7 @@ fn assert_unreached(found: &Image, clean: &Image, place: &Region, reach: usize, 
 /// The same without what the halves say of each other: those of the made-up frame share texture that its denoised
 /// pictures lack, for which it would fall back.
 fn trusted(stats: FrameStats) -> FrameStats {
-    FrameStats { independence: Independence::default(), found: Findings { shared_noise: 0.0, ..stats.found }, ..stats }
+    FrameStats { independence: Independence::default(), ..stats }
 }
 
 /// What is made of a frame, stage by stage: parameters and corrections of both halves, weighed halves, picture.
