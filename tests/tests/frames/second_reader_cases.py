@@ -9,24 +9,25 @@ HEIGHT, WIDTH = 37, 45
 RGB = ("R", "G", "B")
 # A standard attribute's name with another type than the standard's, as pipelines stamp it.
 FOREIGN = [
-    (b"framesPerSecond", b"float", struct.pack("<f", 24)),
-    (b"framesPerSecond", b"v2i", struct.pack("<2i", 24000, 1001)),
-    (b"multiView", b"string", b"main cam1"),
-    (b"timeCode", b"string", b"01:00:00:00"),
-    (b"expTime", b"rational", struct.pack("<iI", 1, 48)),
-    (b"worldToCamera", b"m44d", struct.pack("<16d", *range(16))),
-    (b"chromaticities", b"string", b"ACEScg"),
-    (b"adoptedNeutral", b"v2d", struct.pack("<2d", 0.3, 0.3)),
-    (b"isoSpeed", b"int", struct.pack("<i", 800)),
-    (b"preview", b"string", b"x"),
-    (b"tiles", b"string", b"none"),
-    (b"type", b"int", struct.pack("<i", 0)),
-    (b"name", b"int", struct.pack("<i", 7)),
-    (b"view", b"int", struct.pack("<i", 1)),
-    (b"chunkCount", b"string", b"3"),
-    (b"keyCode", b"keycode", struct.pack("<7i", 1, 2, 3, 4, 5, 4, 64)),
-    (b"an attribute whose name is longer than the short ones", b"some type of our own", b"\x00\xff\x10"),
-]
+    (name, kind, value)
+    for names, kind, value in [
+        (b"framesPerSecond near isoSpeed", b"float", struct.pack("<f", 24)),
+        (b"framesPerSecond", b"v2i", struct.pack("<2i", 24000, 1001)),
+        (b"multiView", b"string", b"main cam1"),
+        (b"framesPerSecond timeCode utcOffset focus worldToNDC chromaticities envmap keyCode", b"string", b"01:00:00"),
+        (b"preview chunkCount tiles far fieldOfView originalDataWindow capDate wrapmodes name", b"string", b"none"),
+        (b"owner capDate isoSpeed whiteLuminance xDensity wrapmodes name view type near", b"int", struct.pack("<i", 7)),
+        (b"dwaCompressionLevel software preview comments channel", b"int", struct.pack("<i", 45)),
+        (b"expTime", b"rational", struct.pack("<iI", 1, 48)),
+        (b"aperture longitude", b"double", struct.pack("<d", 2.8)),
+        (b"worldToCamera", b"m44d", struct.pack("<16d", *range(16))),
+        (b"adoptedNeutral", b"v2d", struct.pack("<2d", 0.3, 0.3)),
+        (b"version", b"float", struct.pack("<f", 1)),
+        (b"comments", b"stringvector", struct.pack("<i", 2) + b"hi"),
+        (b"keyCode", b"keycode", struct.pack("<7i", 1, 2, 3, 4, 5, 4, 64)),
+    ]
+    for name in names.split()
+] + [(b"an attribute whose name is longer than the short ones", b"some type of our own", b"\x00\xff\x10")]
 
 
 def scene(seed, height=HEIGHT, width=WIDTH):
