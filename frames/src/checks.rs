@@ -2,7 +2,9 @@
 //! their noise is independent, `sspc_core::independence` measures.)
 
 use crate::error::{Error, Purpose};
+use crate::place::place_of;
 use crate::resolve::{Filled, Resolution};
+use exr::meta::attribute::LevelMode;
 use sspc_image::{Buffer, Frame, Image, Role, RoleSource};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
@@ -215,6 +217,22 @@ pub(crate) fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
         }
     }
     warnings
+}
+
+/// What the parts that take the picture lose in the output, because it would show another one.
+pub(crate) fn left_out(resolution: &Resolution) -> Option<String> {
+    let place = place_of(resolution).ok()?;
+    let file = &resolution.files[resolution.radiance().file];
+    let parts = || place.targets.iter().map(|target| &file.container.parts[target.part]);
+    let has_levels = parts().any(|part| part.tiles.is_some_and(|tiles| tiles.level_mode != LevelMode::Singular));
+    let has_thumbnail = parts().any(|part| part.header.get("preview", "preview").is_some());
+    let what = match (has_levels, has_thumbnail) {
+        (true, true) => "smaller levels of detail and thumbnail",
+        (true, false) => "smaller levels of detail",
+        (false, true) => "thumbnail",
+        (false, false) => return None,
+    };
+    Some(format!("{what} of {} are not written: they show the picture as it was", place.name))
 }
 
 fn row_step(height: usize, width: usize) -> usize {

@@ -242,6 +242,22 @@ fn headers_that_claim_too_much_are_refused_before_allocation() {
     }
 }
 
+/// Other readers take it for the header's end, and find the blocks elsewhere.
+#[test]
+fn an_attribute_without_a_type_is_refused() {
+    let folder = tempfile::tempdir().expect("folder");
+    let read = |attribute: &[u8]| {
+        let mut bytes = header(2, 2, 1, false);
+        bytes.splice(8..8, attribute.iter().copied());
+        let blocks = bytes.len() as u64 + 16;
+        bytes.extend([blocks, blocks + 20].map(u64::to_le_bytes).concat());
+        (0..2i32).for_each(|y| bytes.extend([&y.to_le_bytes()[..], &12i32.to_le_bytes(), &[0; 12]].concat()));
+        read_picture(&write_bytes(folder.path(), "small.exr", &bytes), None)
+    };
+    assert!(read(b"typ\0string\0\0\0\0\0").is_ok());
+    assert_says(&read(b"typ\0\0\0\0\0\0").expect_err("no type"), &["small.exr", "attribute typ without a type"]);
+}
+
 #[test]
 fn deep_and_subsampled_data_are_refused_by_name() {
     let folder = tempfile::tempdir().expect("folder");
