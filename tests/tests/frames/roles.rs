@@ -168,7 +168,7 @@ fn a_first_part_of_any_name_is_the_colour_in_every_file() {
                 assert_eq!(read, [1, 2, 3, 4, 5].map(|seed| value(seed, "R", 2 * W + 3)), "{case}");
                 let output = OpenFrame::open(&files, &RoleOverrides::parse(overrides).expect("overrides"));
                 let goes = output.and_then(|open| open.output()).expect("a possible output").channels();
-                assert_eq!(goes, [colour.clone()], "{case}");
+                assert!(goes.len() == 1 && goes[0] == colour, "{case}: {goes:?}");
             }
             let shown = [read_picture(&z, None).expect("picture"), read_reference(&z, None).expect("reference").mean];
             assert!(shown.iter().all(|shown| shown.at(0, 2, 3) == value(5, "R", 2 * W + 3)), "{name} before {more:?}");
