@@ -2,10 +2,13 @@
 //! their noise is independent, `sspc_core::independence` measures.)
 
 use crate::error::{Error, Purpose};
-use crate::resolve::Resolution;
+use crate::place::place_of;
+use crate::resolve::{Filled, Resolution};
+use exr::meta::attribute::LevelMode;
 use sspc_image::{Buffer, Frame, Image, Role, RoleSource};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
+use std::path::PathBuf;
 
 /// Correlation of neighbouring pixels' noise above which the user is warned. Filters that splat give 0.25 (a tent of
 /// radius 1) or 0.37 (a Gaussian of 0.5 pixels); renders without splatting were seen to reach 0.18 on fur and glass.
@@ -14,6 +17,35 @@ pub const NEIGHBOURS_CORRELATED: f64 = 0.22;
 const MOST_PIXELS: usize = 1 << 17;
 /// Pixels with noise that a correlation needs to mean anything.
 const FEWEST_SAMPLES: u64 = 256;
+
+/// Refuses a noisy half that is given a second time as the other; `path_of` a file's number is its path.
+///
+/// # Errors
+/// [`Error::IdenticalHalves`].
+pub fn refuse_one_half(filled: &[Filled], path_of: impl Fn(usize) -> PathBuf) -> Result<(), Error> {
+    let half = |buffer| filled.iter().find(|known| (known.role, known.buffer) == (Role::Radiance, buffer));
+    match (half(Buffer::A), half(Buffer::B)) {
+        (Some(a), Some(b)) if (a.file, &a.channels) == (b.file, &b.channels) => {
+            let (a, b, purpose) = (path_of(a.file), path_of(b.file), Purpose::Role(Role::Radiance, Buffer::B));
+            Err(Error::IdenticalHalves { a, b, purpose })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Takes out features that only one half has, which cannot be used, and says so.
+pub fn drop_lonely_features(filled: &mut Vec<Filled>, path_of: impl Fn(usize) -> PathBuf) -> Vec<String> {
+    let mut said = Vec::new();
+    for role in Role::FEATURES.into_iter().chain([Role::Motion]) {
+        let of_role: Vec<&Filled> = filled.iter().filter(|filled| filled.role == role).collect();
+        if let [lonely] = of_role.as_slice() {
+            let path = path_of(lonely.file);
+            said.push(format!("{role}: only {} has it ({}), so it is not used", lonely.buffer, path.display()));
+            filled.retain(|filled| filled.role != role);
+        }
+    }
+    said
+}
 
 /// What is found in a frame's rows, in any number of bands from top to bottom.
 pub struct Inspection {
@@ -121,13 +153,15 @@ impl Inspection {
             .collect()
     }
 
-    /// Equal halves carry no information about the noise. A wholly black frame is left alone: it is equal because
-    /// there is no light, and sequences fade to black.
+    /// Equal halves carry no information about the noise. A wholly black frame of two files is left alone: it is equal
+    /// because there is no light, and sequences fade to black.
     fn check_identical(&self, source: &dyn Fn(Role, Buffer) -> Option<RoleSource>) -> Result<(), Error> {
-        let path = |role, buffer| source(role, buffer).map(|source| source.path).unwrap_or_default();
+        let from = |role, buffer| source(role, buffer).map(|source| (source.path, source.channels));
         for (at, role) in [Role::Radiance, Role::Denoised].into_iter().enumerate() {
-            if self.equal[at] && !self.black[at] {
-                let (a, b) = (path(role, Buffer::A), path(role, Buffer::B));
+            let (a, b) = (from(role, Buffer::A), from(role, Buffer::B));
+            let is_once = a.is_some() && a == b;
+            if self.equal[at] && (!self.black[at] || is_once) {
+                let [a, b] = [a, b].map(|from| from.map(|(path, _)| path).unwrap_or_default());
                 return Err(Error::IdenticalHalves { a, b, purpose: Purpose::Role(role, Buffer::B) });
             }
         }
@@ -183,6 +217,22 @@ pub(crate) fn lossy_inputs(resolution: &Resolution) -> Vec<String> {
         }
     }
     warnings
+}
+
+/// What the parts that take the picture lose in the output, because it would show another one.
+pub(crate) fn left_out(resolution: &Resolution) -> Option<String> {
+    let place = place_of(resolution).ok()?;
+    let file = &resolution.files[resolution.radiance().file];
+    let parts = || place.targets.iter().map(|target| &file.container.parts[target.part]);
+    let has_levels = parts().any(|part| part.tiles.is_some_and(|tiles| tiles.level_mode != LevelMode::Singular));
+    let has_thumbnail = parts().any(|part| part.header.get("preview", "preview").is_some());
+    let what = match (has_levels, has_thumbnail) {
+        (true, true) => "smaller levels of detail and thumbnail",
+        (true, false) => "smaller levels of detail",
+        (false, true) => "thumbnail",
+        (false, false) => return None,
+    };
+    Some(format!("{what} of {} are not written: they show the picture as it was", place.name))
 }
 
 fn row_step(height: usize, width: usize) -> usize {

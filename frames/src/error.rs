@@ -116,6 +116,9 @@ impl Error {
                 "write flat, unsampled half or float channels (no deep data, no chroma subsampling)"
             }
             Error::TooLarge { .. } => "the header does not fit the file; render or copy it again",
+            Error::MissingRole { purpose: Purpose::Picture | Purpose::Reference, .. } => {
+                "give a file that has the colour under one of these names"
+            }
             Error::MissingRole { .. } => {
                 "name the channels with --role, e.g. --role albedo=LAYER or --role denoised-a=FILE.exr"
             }

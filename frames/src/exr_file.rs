@@ -116,6 +116,11 @@ impl ExrFile {
         exact.or_else(|| self.channels.iter().position(|channel| channel.name.to_lowercase() == name.to_lowercase()))
     }
 
+    /// The same for several, if all are there.
+    pub fn channels_named(&self, names: &[String]) -> Option<Vec<usize>> {
+        names.iter().map(|name| self.channel_named(name)).collect()
+    }
+
     /// What a part is stored with, if that is lossy.
     pub fn lossy(&self, part: usize) -> Option<String> {
         Some(&self.container.parts[part]).filter(|part| part.is_lossy()).map(Part::method_name)

@@ -1,6 +1,6 @@
 //! A file's channels as layers: names up to the last dot, taken apart.
 
-use crate::exr_file::ExrFile;
+use crate::exr_file::{Channel, ExrFile};
 use crate::halves::split_half;
 use crate::names;
 use sspc_image::{Buffer, Role, shown};
@@ -99,6 +99,14 @@ impl Layer {
         }
     }
 
+    /// Its channel, if it has but one, of this ending.
+    pub fn only_channel(&self, ending: Option<&str>) -> Option<usize> {
+        match self.components.as_slice() {
+            [(known, at)] if ending.is_none_or(|ending| ending == known) => Some(*at),
+            _ => None,
+        }
+    }
+
     /// Whether one of its components is this channel.
     pub fn holds(&self, channel: usize) -> bool {
         self.components.iter().any(|(_, at)| *at == channel)
@@ -133,7 +141,7 @@ impl Layers {
             let component = (ending.to_lowercase(), at);
             match list.iter_mut().find(|layer| layer.path == path && layer.part == channel.part) {
                 Some(layer) => layer.components.push(component),
-                None => list.push(new_layer(file, channel.part, path, component)),
+                None => list.push(new_layer(file, channel, path, component)),
             }
         }
         Self { list, views: file.views.clone(), undecodable: file.undecodable.clone() }
@@ -175,7 +183,8 @@ fn split_channel(name: &str) -> (String, String) {
     }
 }
 
-fn new_layer(file: &ExrFile, part: usize, path: String, component: (String, usize)) -> Layer {
+fn new_layer(file: &ExrFile, channel: &Channel, path: String, component: (String, usize)) -> Layer {
+    let part = channel.part;
     let view_of = |text: &str| file.views.iter().position(|view| view.eq_ignore_ascii_case(text));
     let mut view = file.part_views[part].as_deref().and_then(view_of);
     let mut kept = Vec::new();
@@ -188,8 +197,10 @@ fn new_layer(file: &ExrFile, part: usize, path: String, component: (String, usiz
     let path_without_view = kept.join(".");
     let (unmarked, half) = split_half(&path_without_view);
     let multi = file.part_views.len() > 1;
+    // The dots of a part's name make no layer.
+    let is_unnamed = !file.container.parts[part].channels[channel.index].text().contains('.');
     Layer {
-        first_part: multi && part == 0 && !path.contains('.'),
+        first_part: multi && part == 0 && (is_unnamed || !path.contains('.')),
         part,
         view: view.unwrap_or(0),
         plain: Name::of(&path_without_view),

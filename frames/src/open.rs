@@ -2,7 +2,7 @@
 //! the picture.
 
 use crate::align::Placing;
-use crate::checks::{Inspection, lossy_inputs};
+use crate::checks::{Inspection, left_out, lossy_inputs};
 use crate::error::Error;
 use crate::files::FrameFiles;
 use crate::output::OutputPlan;
@@ -303,6 +303,7 @@ impl OpenFrame {
         let verdict = inspection.verdict(&source)?;
         let mut warnings = self.resolution.warnings.clone();
         warnings.extend(lossy_inputs(&self.resolution));
+        warnings.extend(left_out(&self.resolution));
         warnings.extend(verdict);
         Ok(warnings)
     }

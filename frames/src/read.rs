@@ -25,7 +25,7 @@ pub fn read_reference(path: &Path, like: Option<Like>) -> Result<Reference, Erro
     let purpose = Purpose::Reference;
     let file = ExrFile::open(path, purpose)?;
     let layers = Layers::of(&file);
-    let mean = layers.noisy_colour(Reading::Unmarked, 0);
+    let mean = layers.whole_colour();
     let half = |buffer| layers.noisy_colour(Reading::Marked(buffer), 0);
     let halves = half(Buffer::A).zip(half(Buffer::B));
     let mut groups: Vec<Vec<usize>> = mean.iter().map(|hit| hit.channels.clone()).collect();

@@ -1,6 +1,7 @@
 //! Roles to channels of files: the user's overrides first, then files given for one role, then recognised names.
 
 use crate::align::{Aligned, align};
+use crate::checks::{drop_lonely_features, refuse_one_half};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
 use crate::files::{DenoisedFile, FrameFiles};
@@ -85,6 +86,7 @@ pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resoluti
         overrides,
         opened: Vec::new(),
         anchors: [None, None],
+        colours: Default::default(),
         undenoised: None,
         warnings: Vec::new(),
     };
@@ -98,6 +100,9 @@ pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resoluti
         }
     }
     let mut undenoised = search.undenoised.take();
+    if undenoised.is_some() {
+        refuse_one_half(&filled, |file| search.opened[file].0.path.clone())?;
+    }
     if filled.iter().any(|known| known.role == Role::Denoised && known.buffer != Buffer::Full) {
         // One half alone.
         undenoised.take().map_or(Ok(()), Err)?;
@@ -109,7 +114,7 @@ pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resoluti
             filled.push(search.further(file, buffer, at + 1)?);
         }
     }
-    drop_lonely_features(&mut filled, &search.opened, &mut search.warnings);
+    search.warnings.extend(drop_lonely_features(&mut filled, |file| search.opened[file].0.path.clone()));
     search.name_other_views();
     let Search { opened, mut warnings, .. } = search;
     let files: Vec<ExrFile> = opened.into_iter().map(|(file, _)| file).collect();
@@ -124,6 +129,8 @@ struct Search<'a> {
     opened: Vec<(ExrFile, Layers)>,
     /// Where the noisy colour of half a and of half b is.
     anchors: [Option<Anchor>; 2],
+    /// The channels of both, by their names.
+    colours: [Vec<String>; 2],
     /// Why a denoised half is not there.
     undenoised: Option<Error>,
     warnings: Vec<String>,
@@ -164,6 +171,7 @@ impl Search<'_> {
         if role == Role::Radiance {
             let anchor = self.opened[file].1.anchor(&hit.channels, self.reading(buffer));
             self.anchors[usize::from(buffer == Buffer::B)] = anchor;
+            self.colours[usize::from(buffer == Buffer::B)] = self.names(file, &hit.channels);
         }
         let window = self.opened[file].0.channels[hit.channels[0]].window;
         Ok(Some(Filled { role, buffer, variant: 0, file, channels: hit.channels, window }))
@@ -241,8 +249,8 @@ impl Search<'_> {
             // A file of one half does not hold the full buffer.
             return Ok((file, None));
         }
-        if let Some(names) = half_a.filter(|half| buffer == Buffer::B && self.is_own(half)).map(|half| self.names(half))
-        {
+        if let Some(half) = half_a.filter(|half| buffer == Buffer::B && self.is_own(half)) {
+            let names = self.names(half.file, &half.channels);
             return Ok((file, self.same_names(file, role, &names)?));
         }
         let layers = &self.opened[file].1;
@@ -281,14 +289,14 @@ impl Search<'_> {
         self.given.b.is_some() && !is_told
     }
 
-    fn names(&self, filled: &Filled) -> Vec<String> {
-        filled.channels.iter().map(|&at| self.opened[filled.file].0.channels[at].name.clone()).collect()
+    fn names(&self, file: usize, channels: &[usize]) -> Vec<String> {
+        channels.iter().map(|&at| self.opened[file].0.channels[at].name.clone()).collect()
     }
 
     /// The channels by which half a names a role, in half b: two files of a frame are made alike.
     fn same_names(&self, file: usize, role: Role, names: &[String]) -> Result<Option<Hit>, Error> {
         let (exr, layers) = &self.opened[file];
-        let same: Option<Vec<usize>> = names.iter().map(|name| exr.channel_named(name)).collect();
+        let same = exr.channels_named(names);
         let is_feature = !matches!(role, Role::Radiance | Role::Denoised);
         match same {
             Some(channels) => Ok(Some(Hit::of(channels))),
@@ -312,7 +320,10 @@ impl Search<'_> {
                 let reading =
                     Some(buffer).filter(|&half| half != Buffer::Full).map_or(Reading::Unmarked, Reading::Marked);
                 let like = self.anchor(buffer).map(|anchor| &anchor.name);
-                let hit = layers.dedicated(role, reading, like, view);
+                let colour = &self.colours[usize::from(buffer == Buffer::B)];
+                let is_colour = role == Role::Denoised && !colour.is_empty();
+                let same = || exr.channels_named(colour).filter(|_| is_colour).map(Hit::of);
+                let hit = layers.dedicated(role, reading, like, view).or_else(same);
                 let paired = |hit| if role == Role::Motion { layers.with_motion_partner(hit, reading) } else { hit };
                 return hit.map(paired).ok_or_else(|| self.missing(file, role, buffer));
             }
@@ -323,9 +334,7 @@ impl Search<'_> {
                 let only = || exr.channel_named(name).filter(|_| may_be_grey || most == 1).map(grey);
                 layers.named(name, role, view, may_be_grey).or_else(only)
             }
-            Selection::Channels(names) => {
-                names.iter().map(|name| exr.channel_named(name)).collect::<Option<Vec<_>>>().map(Hit::of)
-            }
+            Selection::Channels(names) => exr.channels_named(names).map(Hit::of),
         };
         hit.ok_or_else(|| {
             let expected = match selection {
@@ -362,7 +371,8 @@ impl Search<'_> {
             _ => "",
         };
         let own = own_file(role);
-        let proposal = layers.nearest(role, self.anchor(buffer));
+        let name = |channel: usize| file.channels[channel].name.clone();
+        let proposal = layers.nearest(role, self.anchor(buffer), &name);
         let proposal = proposal.map(|path| format!("; perhaps --role '{}={path}'", role.name())).unwrap_or_default();
         Error::MissingRole {
             path: file.path.clone(),
@@ -394,16 +404,4 @@ impl Search<'_> {
 /// What else a role may be given in, for messages.
 fn own_file(role: Role) -> &'static str {
     if role == Role::Denoised { " or a file of its own" } else { "" }
-}
-
-/// A feature that only one half has cannot be used.
-fn drop_lonely_features(filled: &mut Vec<Filled>, opened: &[(ExrFile, Layers)], warnings: &mut Vec<String>) {
-    for role in Role::FEATURES.into_iter().chain([Role::Motion]) {
-        let of_role: Vec<&Filled> = filled.iter().filter(|filled| filled.role == role).collect();
-        if let [lonely] = of_role.as_slice() {
-            let path = opened[lonely.file].0.path.display();
-            warnings.push(format!("{role}: only {} has it ({path}), so it is not used", lonely.buffer));
-            filled.retain(|filled| filled.role != role);
-        }
-    }
 }

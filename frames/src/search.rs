@@ -3,7 +3,7 @@
 
 use crate::layers::{Layer, Layers, Name, Reading};
 use crate::names::{self, NamePattern, is_colour, noisy_stem};
-use sspc_image::{Role, shown};
+use sspc_image::{Buffer, Role, shown};
 
 /// The channels found for a role, in component order.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,14 +80,28 @@ impl Layers {
 
     /// The colour that a viewer shows: the root's, Cycles' `Combined`, or what colour goes by.
     pub fn shown_colour(&self) -> Option<Hit> {
-        let by_name = |channels: fn(&Layer) -> Option<Vec<usize>>| {
+        let by_name = |reading: Reading, channels: fn(&Layer) -> Option<Vec<usize>>| {
             let colour = names::candidates(Role::Radiance).iter().chain(names::noisy());
-            colour.map(|known| known.pattern).find_map(|pattern| self.first(Reading::Unmarked, 0, pattern, channels))
+            colour.map(|known| known.pattern).find_map(|pattern| self.first(reading, 0, pattern, channels))
         };
         let first_part = || self.list.iter().find(|layer| layer.first_part)?.channels_for(Role::Radiance).map(Hit::of);
-        by_name(|layer| layer.channels_for(Role::Radiance))
+        by_name(Reading::Unmarked, |layer| layer.channels_for(Role::Radiance))
             .or_else(first_part)
-            .or_else(|| by_name(Layer::grey_channels))
+            .or_else(|| by_name(Reading::Unmarked, Layer::grey_channels))
+            .or_else(|| {
+                by_name(Reading::Plain, |layer| layer.channels_for(Role::Radiance)).filter(|_| !self.is_halved())
+            })
+    }
+
+    /// The only noisy colour of a file; `None` where it has one of each half.
+    pub fn whole_colour(&self) -> Option<Hit> {
+        let plain = || self.noisy_colour(Reading::Plain, 0).filter(|_| !self.is_halved());
+        self.noisy_colour(Reading::Unmarked, 0).or_else(plain)
+    }
+
+    /// Whether names are marked as those of both halves. One mark alone is a part of a name.
+    fn is_halved(&self) -> bool {
+        [Buffer::A, Buffer::B].iter().all(|half| self.noisy_colour(Reading::Marked(*half), 0).is_some())
     }
 
     /// Where these channels are.
@@ -217,6 +231,7 @@ impl Layers {
             .or_else(|| by_names(reading, role))
             .or_else(like)
             .or_else(|| by_names(Reading::Unmarked, Role::Radiance))
+            .or_else(|| by_names(Reading::Plain, Role::Radiance).filter(|_| !self.is_halved()))
             .or_else(only)
     }
 
@@ -270,8 +285,9 @@ impl Layers {
         Some(Hit { channels: found, passed_over, is_elsewhere: false })
     }
 
-    /// A layer by which a role that was not found could be meant, for a proposal.
-    pub fn nearest(&self, role: Role, anchor: Option<&Anchor>) -> Option<String> {
+    /// A layer, or channels, by which a role that was not found could be meant, for a proposal; `name_of` a channel's
+    /// number is its full name.
+    pub fn nearest(&self, role: Role, anchor: Option<&Anchor>, name_of: &dyn Fn(usize) -> String) -> Option<String> {
         let words: &[&str] = match role {
             Role::Radiance => &["noisy", "beauty", "rgb", "color", "colour"],
             Role::Denoised => &["denois", "filter", "clean", "oidn", "optix"],
@@ -289,8 +305,24 @@ impl Layers {
             let has = |layer: &&Layer| layer.path.to_lowercase().contains(*word);
             self.list.iter().filter(usable).find(has)
         };
-        let colour = || self.list.iter().find(usable).filter(|_| matches!(role, Role::Radiance | Role::Denoised));
-        words.iter().find_map(near).or_else(colour).map(|layer| shown(&layer.path))
+        let is_colour = matches!(role, Role::Radiance | Role::Denoised);
+        let colour = || self.list.iter().find(usable).filter(|_| is_colour);
+        let layer = words.iter().find_map(near).or_else(colour).map(|layer| layer.path.clone());
+        let by_channels = || {
+            let names: Vec<String> = self.scattered_colour()?.into_iter().map(name_of).collect();
+            Some(names.join(","))
+        };
+        layer.or_else(|| by_channels().filter(|_| role == Role::Radiance)).map(|source| shown(&source))
+    }
+
+    /// R, G and B in layers or parts of their own, or the file's only channel.
+    fn scattered_colour(&self) -> Option<[usize; 3]> {
+        let only = |ending: &str| self.list.iter().find_map(|layer| layer.only_channel(Some(ending)));
+        match (only("r"), only("g"), only("b"), self.list.as_slice()) {
+            (Some(r), Some(g), Some(b), _) => Some([r, g, b]),
+            (.., [layer]) => layer.only_channel(None).map(|channel| [channel; 3]),
+            _ => None,
+        }
     }
 }
 

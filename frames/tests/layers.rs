@@ -74,6 +74,35 @@ const CASES: &[Case] = &[
         "beauty",
     ),
     (&["Ci/rgb", "Ci_filtered/rgb", "albedo/rgb", "normal/rgb"], ["Ci", "Ci_filtered", "albedo", "normal"], "Ci"),
+    (
+        &["", "RGBA_key", "RGBA_fill", "RGBA_denoised", "RGBA_key_denoised", "albedo", "N/XYZ"],
+        ["", "RGBA_denoised", "albedo", "N"],
+        "",
+    ),
+    (
+        &["", ".effectsResult", ".normals/XYZ", ".diffuseFilter"],
+        ["", ".effectsResult", ".diffuseFilter", ".normals"],
+        "",
+    ),
+    (
+        &["", "effectsResult", "diffuseFilter", "rawDiffuseFilter", "normals/XYZ", "bumpNormals/XYZ", "noiseLevel"],
+        ["", "effectsResult", "diffuseFilter", "normals"],
+        "",
+    ),
+    (&["", "DiffuseFilter", "N/XYZ", "BumpNormals", "/Z", "Denoised"], ["", "Denoised", "DiffuseFilter", "N"], ""),
+    (&["", "Albedo", "Ns/XYZ", "N/XYZ", "P/XYZ", "Variance", "denoised"], ["", "denoised", "Albedo", "Ns"], ""),
+    (&["", "albedo", "nn/XYZ", "dd/Y", "denoised"], ["", "denoised", "albedo", "nn"], ""),
+    (
+        &["/rgb", "albedo/rgb", "normal/rgb", "albedo_var/rgb", "normal_var/rgb", "mse/rgb", "denoised/rgb"],
+        ["", "denoised", "albedo", "normal"],
+        "",
+    ),
+    (&["C", "albedo", "N/XYZ", "C_denoised"], ["C", "C_denoised", "albedo", "N"], "C"),
+    (
+        &["L 100%.Combined", "L 100%.Noisy Image", "L 100%.Denoising Albedo", "L 100%.Denoising Normal/XYZ"],
+        ["L 100%.Noisy Image", "L 100%.Combined", "L 100%.Denoising Albedo", "L 100%.Denoising Normal"],
+        "L 100%.Combined",
+    ),
     // What belongs to another layer is not taken.
     (
         &["BG.Noisy Image", "BG.Combined", "FG.Noisy Image", "FG.Combined", "FG.Denoising Albedo"],

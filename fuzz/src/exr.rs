@@ -6,6 +6,7 @@ use sspc_frames::error::{Error, ErrorKind};
 use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_picture, read_reference};
 use sspc_image::{Frame, Image};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A half buffer of the size of the seeds, so that a file that is little damaged gets past the check of sizes.
 const OTHER_HALF: &[u8] = include_bytes!("../seeds/other-half.exr");
@@ -13,6 +14,7 @@ const OTHER_HALF: &[u8] = include_bytes!("../seeds/other-half.exr");
 /// Where the files lie that are read.
 pub struct Desk {
     folder: PathBuf,
+    outputs: AtomicU64,
 }
 
 impl Desk {
@@ -22,7 +24,12 @@ impl Desk {
     /// When it cannot be written to.
     pub fn new(folder: &Path) -> Self {
         std::fs::write(folder.join("b.exr"), OTHER_HALF).expect("the folder can be written to");
-        Self { folder: folder.to_path_buf() }
+        Self { folder: folder.to_path_buf(), outputs: AtomicU64::new(0) }
+    }
+
+    /// How many outputs were written so far.
+    pub fn outputs(&self) -> u64 {
+        self.outputs.load(Ordering::Relaxed)
     }
 
     /// Reads the bytes in every way that the programs do; whether any of them gave pixels.
@@ -77,6 +84,7 @@ impl Desk {
                 let rows = 0..open.height();
                 assert!(written.rows(rows.clone()).is_ok() || open.rows(rows).is_err(), "what was written can be read");
                 assert_attributes_kept(template, &out);
+                self.outputs.fetch_add(1, Ordering::Relaxed);
             }
             // Pixels of other channels may be damaged, which no header tells.
             Err(error) => {

@@ -203,6 +203,10 @@ fn read_header<R: BufRead>(input: &mut Bounded<R>) -> Result<Header, Fault> {
             return Ok(header);
         }
         let kind = input.text()?;
+        if kind.is_empty() {
+            // Other readers take it for the header's end.
+            return Err(Fault::damaged(format!("an attribute {} without a type", String::from_utf8_lossy(&name))));
+        }
         let length = i32::from_le_bytes(input.array()?);
         let length = usize::try_from(length).map_err(|_| Fault::damaged("an attribute of negative length"))?;
         let value = input.bytes(length)?;

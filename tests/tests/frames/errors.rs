@@ -2,7 +2,8 @@
 
 use sspc_frames::error::{Error, ErrorKind};
 use sspc_frames::{FrameFiles, RoleOverrides, read_picture, read_reference};
-use sspc_testkit::exr_parts::{H, HALF, Part, W, write_file, write_halves, write_parts};
+use sspc_image::Image;
+use sspc_testkit::exr_parts::{H, HALF, Part, W, write_file, write_halves, write_layers, write_parts};
 use sspc_testkit::frames::read_frame;
 use std::path::{Path, PathBuf};
 
@@ -125,10 +126,9 @@ fn missing_roles_are_named_with_what_is_there() {
     assert_says(&error_with(&halves, &["albedo=gloss"]), &["'gloss'", "albedo of half a", "normal (x,y,z)"]);
     assert_says(&error_with(&halves, &["normal-b=normal.X,normal.Y,normal.W"]), &["normal.W", "half b"]);
     assert_says(&error_with(&halves, &["denoised-a=visibility"]), &["3 channel(s) in layer 'visibility'"]);
-    assert_says(
-        &read_reference(&features, None).expect_err("no colour"),
-        &["features.exr", "reference", "a.R,a.G,a.B"],
-    );
+    let no_reference = read_reference(&features, None).expect_err("no colour");
+    assert_says(&no_reference, &["features.exr", "reference", "a.R,a.G,a.B"]);
+    assert!(!no_reference.advice().contains("--role"), "roles are of halves: {}", no_reference.advice());
 }
 
 #[test]
@@ -145,6 +145,43 @@ fn halves_that_are_the_same_samples() {
     let full = write_file(&folder.path().join("full.exr"), 9, &["R", "G", "B"]);
     let files = FrameFiles::halves(&a, &b).with_denoised(Some(full.clone()), Some(full), None);
     assert_says(&error_of(&files), &["full.exr", "denoised colour of half b"]);
+    // The same file twice: what else it lacks, and that it may be black, matters less.
+    let bare = write_file(&folder.path().join("bare.exr"), 9, &["R", "G", "B"]);
+    assert_says(&error_of(&FrameFiles::halves(&bare, &bare)), &["bare.exr", "same value in every pixel"]);
+    let black = Image::zeros(3, H, W);
+    let [black_a, black_b] = ["black_a.exr", "black_b.exr"].map(|name| {
+        let path = folder.path().join(name);
+        write_layers(&path, &[("", "RGB", &black), ("denoised", "RGB", &black)]);
+        path
+    });
+    assert_says(&error_of(&FrameFiles::halves(&black_a, &black_a)), &["black_a.exr", "same value in every pixel"]);
+    let fade = read_frame(&FrameFiles::halves(&black_a, &black_b), &RoleOverrides::none());
+    assert!(fade.is_ok(), "sequences fade to black: {:?}", fade.err());
+}
+
+/// R, G and B apart, or one channel that is no colour by its name.
+#[test]
+fn channels_that_make_a_colour_are_proposed_and_the_proposal_works() {
+    let folder = tempfile::tempdir().expect("folder");
+    let file = |name: &str| folder.path().join(name);
+    let part = |name, channels| Part { name, channels, ..Part::default() };
+    let apart = [part("part0", &["R"][..]), part("part1", &["G"]), part("part2", &["B"])];
+    let layers = [part("", &["red.R", "green.G", "blue.B"][..])];
+    let single = [part("", &["G"][..])];
+    for (parts, colour) in
+        [(&apart[..], "part0.R,part1.G,part2.B"), (&layers, "red.R,green.G,blue.B"), (&single, "G,G,G")]
+    {
+        let files: Vec<_> = (1..5).map(|seed| write_parts(&file(&format!("{seed}.exr")), seed, parts)).collect();
+        let given = FrameFiles::halves(&files[0], &files[1]).with_denoised(
+            Some(files[2].clone()),
+            Some(files[3].clone()),
+            None,
+        );
+        let proposal = format!("radiance={colour}");
+        assert_says(&error_of(&given), &["1.exr", &format!("perhaps --role '{proposal}'")]);
+        let frame = read_frame(&given, &RoleOverrides::parse([proposal]).expect("an override")).expect("a frame");
+        assert!(frame.sources.iter().all(|source| source.channels.join(",") == colour), "{:?}", frame.sources);
+    }
 }
 
 /// A single-part header of 2x2 half-float pixels, to be bent.
@@ -203,6 +240,22 @@ fn headers_that_claim_too_much_are_refused_before_allocation() {
         assert_says(&read_picture(&file, None).expect_err("claims"), &["claims.exr", "claims too much", said]);
         assert!(start.elapsed().as_secs() < 2, "refused from the header alone");
     }
+}
+
+/// Other readers take it for the header's end, and find the blocks elsewhere.
+#[test]
+fn an_attribute_without_a_type_is_refused() {
+    let folder = tempfile::tempdir().expect("folder");
+    let read = |attribute: &[u8]| {
+        let mut bytes = header(2, 2, 1, false);
+        bytes.splice(8..8, attribute.iter().copied());
+        let blocks = bytes.len() as u64 + 16;
+        bytes.extend([blocks, blocks + 20].map(u64::to_le_bytes).concat());
+        (0..2i32).for_each(|y| bytes.extend([&y.to_le_bytes()[..], &12i32.to_le_bytes(), &[0; 12]].concat()));
+        read_picture(&write_bytes(folder.path(), "small.exr", &bytes), None)
+    };
+    assert!(read(b"typ\0string\0\0\0\0\0").is_ok());
+    assert_says(&read(b"typ\0\0\0\0\0\0").expect_err("no type"), &["small.exr", "attribute typ without a type"]);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Which channel fills which role, for the names that renderers write.
 
 use sspc_frames::error::Error;
-use sspc_frames::{FrameFiles, RoleOverrides, read_picture, read_reference};
+use sspc_frames::files::{DenoisedFile, MoreDenoised};
+use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_picture, read_reference};
 use sspc_image::{Buffer, Role};
 use sspc_testkit::exr_parts::{H, HALF, Part, W, value, write_file, write_halves, write_parts};
 use sspc_testkit::frames::{ReadFrame, read_frame};
@@ -122,6 +123,56 @@ fn one_part_per_pass_is_read_like_one_file() {
         let frame = read(&FrameFiles::halves(a, b), &[]).expect("frame");
         assert_eq!(channels(&frame, Role::Radiance, Buffer::A).as_deref(), Some(radiance));
         assert_eq!(channels(&frame, Role::Denoised, Buffer::B).as_deref(), Some(denoised));
+    }
+}
+
+#[test]
+fn a_first_part_of_any_name_is_the_colour_in_every_file() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = |name: &str| folder.path().join(name).with_extension("exr");
+    // No renderer's names; dots and marks of halves in them mean nothing.
+    for name in ["rgba_right", "customRgb", "Größe", "shot.v2", "ShotA", "set_b", "x"] {
+        for more in [&["depth_left", "rgba_left"][..], &["rgba_left"], &[]] {
+            let write = |file: &str, seed| {
+                let part = |name, channels| Part { name, channels, ..Part::default() };
+                let others = more.iter().map(|&other| match other {
+                    "depth_left" => part(other, &["Z"]),
+                    _ => part(other, &["R", "G", "B", "A"]),
+                });
+                let parts: Vec<Part> = [part(name, &["R", "G", "B", "A"])].into_iter().chain(others).collect();
+                write_parts(&path(file), seed, &parts)
+            };
+            let files = ["a", "b", "za", "zb", "z"].iter().zip(1..).map(|(file, seed)| write(file, seed));
+            let [a, b, za, zb, z] = files.collect::<Vec<_>>().try_into().expect("five files");
+            let halves = FrameFiles::halves(&a, &b);
+            let given = halves.clone().with_denoised(Some(za.clone()), Some(zb.clone()), Some(z.clone()));
+            let told = ["-a", "-b", "-full"].iter().zip([&za, &zb, &z]);
+            let told: Vec<String> = told.map(|(of, file)| format!("denoised{of}={}", file.display())).collect();
+            let told: Vec<&str> = told.iter().map(String::as_str).collect();
+            let denoised = |path: &Path| DenoisedFile { path: path.into(), layer: None };
+            let again = MoreDenoised { halves: [denoised(&zb), denoised(&za)], full: Some(denoised(&z)) };
+            // A file of one part has no part's name in its channels.
+            let dot = if more.is_empty() { String::new() } else { format!("{name}.") };
+            let colour = format!("{dot}R,{dot}G,{dot}B");
+            for (way, files, overrides) in [
+                ("a file", given.clone(), &[][..]),
+                ("a role", halves, &told),
+                ("a further one", given.with_more_denoised(vec![again]), &[]),
+            ] {
+                let case = format!("{name} before {more:?}, denoised by {way}");
+                let frame = read(&files, overrides).unwrap_or_else(|error| panic!("{case}: {error}"));
+                assert!(frame.sources.iter().all(|source| source.channels.join(",") == colour), "{case}");
+                let red = |image: &sspc_image::Image| image.at(0, 2, 3);
+                let full = frame.frame.denoised.as_ref().expect("a full buffer");
+                let read = [&frame.a.radiance, &frame.b.radiance, &frame.a.denoised, &frame.b.denoised, full].map(red);
+                assert_eq!(read, [1, 2, 3, 4, 5].map(|seed| value(seed, "R", 2 * W + 3)), "{case}");
+                let output = OpenFrame::open(&files, &RoleOverrides::parse(overrides).expect("overrides"));
+                let goes = output.and_then(|open| open.output()).expect("a possible output").channels();
+                assert!(goes.len() == 1 && goes[0] == colour, "{case}: {goes:?}");
+            }
+            let shown = [read_picture(&z, None).expect("picture"), read_reference(&z, None).expect("reference").mean];
+            assert!(shown.iter().all(|shown| shown.at(0, 2, 3) == value(5, "R", 2 * W + 3)), "{name} before {more:?}");
+        }
     }
 }
 
@@ -290,4 +341,26 @@ fn pictures_are_what_a_viewer_shows() {
     let list = names("L.Noisy.R L.Combined.R L.Combined.G L.Combined.B");
     let file = write_file(&folder.path().join("p.exr"), 5, &list);
     assert_eq!(read_picture(&file, None).expect("picture").at(1, 0, 0), value(5, "L.Combined.G", 0));
+}
+
+#[test]
+fn a_single_mark_of_a_half_is_a_part_of_a_name() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = |name: &str| folder.path().join(name);
+    let (a, b) = write_halves(folder.path());
+    for layer in ["ShotA", "set_b", "a", "Odd"] {
+        let list = ["Combined.R", "Combined.G", "Combined.B", "Albedo.R", "Albedo.G", "Albedo.B"];
+        let list = list.map(|name| format!("{layer}.{name}"));
+        let file = write_file(&path("one.exr"), 5, &list.each_ref().map(String::as_str));
+        let red = value(5, &list[0], 0);
+        assert_eq!(read_picture(&file, None).expect("picture").at(0, 0, 0), red, "{layer}");
+        let reference = read_reference(&file, None).expect("reference");
+        assert!(reference.mean.at(0, 0, 0) == red && reference.halves.is_none(), "{layer}");
+        let files = FrameFiles::halves(&a, &b).with_denoised(None, None, Some(file));
+        assert_eq!(read(&files, &[]).expect("frame").denoised.as_ref().expect("full").at(0, 0, 0), red, "{layer}");
+    }
+    let list = names("a.Combined.R a.Combined.G a.Combined.B b.Combined.R b.Combined.G b.Combined.B");
+    let both = write_file(&path("both.exr"), 5, &list);
+    assert!(read_picture(&both, None).is_err(), "neither half is the picture");
+    assert!(read_reference(&both, None).expect("reference").halves.is_some());
 }

@@ -1,13 +1,17 @@
 //! Outputs keep what they were made from, appear whole or not at all, and never touch an input.
 
 use exr::compression::Compression;
-use exr::image::{FlatImage, FlatSamples};
-use exr::meta::attribute::{AttributeValue, Text};
+use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatImage, FlatSamples, Layer, Levels};
+use exr::math::{RoundingMode, Vec2};
+use exr::meta::attribute::{AttributeValue, LineOrder, Preview, Text};
+use exr::meta::header::LayerAttributes;
+use exr::prelude::WritableImage;
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::error::{Error, ErrorKind};
-use sspc_frames::{atomic_write, read_picture};
+use sspc_frames::{FrameFiles, RoleOverrides, atomic_write, read_picture};
 use sspc_image::Image;
 use sspc_testkit::exr_parts::{H, HALF, Part, W, value, write_file, write_over, write_parts};
+use sspc_testkit::frames::read_frame;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -202,4 +206,55 @@ fn outputs_can_be_asked_for_beforehand() {
     assert!(check_output(&folder.path().join("out.exr"), std::slice::from_ref(&input)).is_ok());
     assert!(check_output(&input, std::slice::from_ref(&input)).is_err());
     assert!(check_output(Path::new("/"), &[]).is_err());
+}
+
+/// Levels of detail and thumbnails of the picture that was.
+#[test]
+fn what_would_show_another_picture_is_left_out_and_said() {
+    let folder = tempfile::tempdir().expect("folder");
+    let sizes = [(W, H), (W / 2, H / 2), (1, 1)];
+    let write = |name: &str, seed, levels: bool, preview: bool| {
+        let list = HALF[..7].iter().map(|&name| {
+            let level = |size: (usize, usize)| {
+                FlatSamples::F32((0..size.0 * size.1).map(|pixel| value(seed, name, pixel)).collect())
+            };
+            let sample_data = match levels {
+                true => Levels::Mip { rounding_mode: RoundingMode::Down, level_data: sizes.map(level).into() },
+                false => Levels::Singular(level((W, H))),
+            };
+            AnyChannel { name: Text::from(name), sample_data, quantize_linearly: false, sampling: Vec2(1, 1) }
+        });
+        let preview = preview.then(|| Preview { size: Vec2(1, 1), pixel_data: vec![1, 2, 3, 4] });
+        let attributes = LayerAttributes { preview, ..LayerAttributes::default() };
+        let blocks = if levels { Blocks::Tiles(Vec2(4, 4)) } else { Blocks::ScanLines };
+        let line_order = LineOrder::Increasing;
+        let encoding = Encoding { blocks, line_order, compression: Compression::ZIP16 };
+        let layer = Layer::new((W, H), attributes, encoding, AnyChannels::sort(list.collect()));
+        let path = folder.path().join(name);
+        exr::image::Image::from_layer(layer).write().to_file(&path).expect("a template");
+        path
+    };
+    for (levels, preview, said) in [
+        (true, true, "smaller levels of detail and thumbnail of R,G,B are not written"),
+        (true, false, "smaller levels of detail of R,G,B are not written"),
+        (false, true, "thumbnail of R,G,B are not written"),
+        (false, false, ""),
+    ] {
+        let (a, b) = (write("a.exr", 1, levels, preview), write("b.exr", 2, levels, preview));
+        let frame = read_frame(&FrameFiles::halves(&a, b), &RoleOverrides::none()).expect("a frame");
+        let found = frame.warnings.iter().find(|line| line.contains("not written"));
+        match (said, found) {
+            ("", found) => assert_eq!(found, None),
+            (said, found) => assert!(found.is_some_and(|line| line.contains(said)), "{said}: {found:?}"),
+        }
+        let out = folder.path().join("out.exr");
+        write_over(&out, &a, &corrected(), &provenance()).expect("written");
+        let after = load(&out);
+        assert_kept(&load(&a), &after, &["R", "G", "B"]);
+        assert!(after.layer_data[0].attributes.preview.is_none());
+        let bytes = std::fs::read(&out).expect("read");
+        let name = b"tiles\0tiledesc\0\x09\0\0\0";
+        let tiles = bytes.windows(name.len()).position(|window| window == name).map(|at| bytes[at + name.len() + 8]);
+        assert_eq!(tiles, levels.then_some(0), "one level");
+    }
 }

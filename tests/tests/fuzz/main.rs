@@ -4,6 +4,7 @@
 //! `SSPC_FUZZ_CASE=SEED:NUMBER` runs one again.
 
 mod damage;
+mod headers;
 mod seeds;
 #[path = "../../../fuzz/src/lib.rs"]
 mod targets;
@@ -54,12 +55,25 @@ fn cases(seed: &str, usual: u64) -> std::ops::Range<u64> {
 
 /// Reads every seed and `usual` damaged copies of each. `most_memory` is what reading may hold at once, in bytes.
 fn run(target: &str, usual: u64, alphabet: Alphabet, most_memory: usize, read: impl Fn(&[u8]) -> bool) {
+    let of = |whole: &[u8], seeds: &[(String, Vec<u8>)], case| Some(damaged(whole, seeds, case, alphabet));
+    run_copies(target, usual, of, most_memory, read);
+}
+
+/// The same for copies of another kind, where a seed has such.
+fn run_copies(
+    target: &str,
+    usual: u64,
+    copy: impl Fn(&[u8], &[(String, Vec<u8>)], u64) -> Option<Vec<u8>>,
+    most_memory: usize,
+    read: impl Fn(&[u8]) -> bool,
+) {
     let _alone = alone();
     let seeds = seeds_of(target);
     let (mut accepted, mut refused, mut most) = (0u64, 0u64, 0);
     for (name, whole) in &seeds {
         for case in cases(name, usual) {
-            let bytes = if case == 0 { whole.clone() } else { damaged(whole, &seeds, case, alphabet) };
+            let bytes = if case == 0 { Some(whole.clone()) } else { copy(whole, &seeds, case) };
+            let Some(bytes) = bytes else { break };
             let start = Instant::now();
             let guarded = || std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(&bytes)));
             let (outcome, held) = peak_of(&ALLOCATOR, guarded);
@@ -87,6 +101,22 @@ fn damaged_pictures_end_in_a_frame_or_one_line() {
     let folder = tempfile::tempdir().expect("folder");
     let desk = targets::exr::Desk::new(folder.path());
     run("exr", 200, Alphabet::Bytes, MOST_OF_A_SMALL_PICTURE, |bytes| desk.read(bytes));
+}
+
+#[test]
+fn whatever_header_is_taken_the_output_opens() {
+    let folder = tempfile::tempdir().expect("folder");
+    let desk = targets::exr::Desk::new(folder.path());
+    run_copies(
+        "exr",
+        100,
+        |whole, _, case| headers::changed(whole, case),
+        MOST_OF_A_SMALL_PICTURE,
+        |bytes| desk.read(bytes),
+    );
+    println!("{} outputs", desk.outputs());
+    let all = std::env::var("SSPC_FUZZ_CASE").is_err();
+    assert!(!all || desk.outputs() > 300, "{} headers are taken and written", desk.outputs());
 }
 
 /// The claims of a header, from what no one renders down to what a small file might hold: none may cost more memory
