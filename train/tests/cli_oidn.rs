@@ -114,16 +114,16 @@ fn two_files_are_enough() {
         command.env("VIRTUAL_ENV", &environment).env("RAYON_NUM_THREADS", threads);
         let (code, message) = run(command);
         assert_eq!(code, Some(0), "{message}");
-        assert!(message.contains("half a, half b and the full buffer: made (aux; high)"), "{message}");
+        assert!(message.contains("half a, half b and the full buffer: made (aux,clean-aux; balanced)"), "{message}");
         ["corrected.exr", "model.onnx"].map(|name| std::fs::read(out.join(name)).expect(name))
     });
     assert!(pictures[0] == pictures[1], "other bytes with other threads");
     let report = report(&folder.path().join("2"));
     let denoiser = &report["denoiser"];
     assert!(denoiser["version"].as_str().is_some_and(|version| version.starts_with("2.")), "{denoiser}");
-    assert_eq!(denoiser["modes"], serde_json::json!(["aux"]));
+    assert_eq!(denoiser["modes"], serde_json::json!(["aux", "clean-aux"]));
     let buffers: Vec<_> = denoiser["pictures"].as_array().expect("pictures").iter().map(|p| &p["buffer"]).collect();
-    assert_eq!(buffers, ["a", "b", "full"]);
+    assert_eq!(buffers, ["a", "a", "b", "b", "full", "full"]);
     assert!(report["loss"]["corrected"].as_f64() < report["loss"]["denoised"].as_f64());
 }
 
@@ -137,8 +137,11 @@ fn a_dry_run_makes_nothing_and_strength_0_trains_nothing() {
         command.env("VIRTUAL_ENV", &environment);
         run(command)
     };
-    let (code, message) = with_library(&["--dry-run"]);
-    assert!(code == Some(0) && message.contains("would be made (aux; high)") && !out.exists(), "{message}");
+    let expected = [("fast", "aux; high"), ("balanced", "aux,clean-aux; balanced"), ("quality", "aux,clean-aux,colour; high")];
+    for (preset, made) in expected {
+        let (code, message) = with_library(&["--dry-run", "--preset", preset]);
+        assert!(code == Some(0) && message.contains(&format!("would be made ({made})")) && !out.exists(), "{message}");
+    }
     let (code, message) = with_library(&["--strength", "0", "--oidn-quality", "fast"]);
     assert!(code == Some(0) && message.contains("made (aux; fast)"), "{message}");
     assert_eq!(report(&out)["steps"], 0);
