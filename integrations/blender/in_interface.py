@@ -1,12 +1,13 @@
 """Tests of the operator beside Blender's interface: `blender --factory-startup --python in_interface.py`.
 
-test_blender.py runs it where SSPC_BLENDER names a Blender that can open a window. SSPC_SCRATCH names an empty folder,
-where screenshots stay. Each step below waits for the one before; the exit code tells whether all was as expected.
+test_blender.py runs it where SSPC_BLENDER names a Blender that can open a window. SSPC_SCRATCH names an empty folder;
+SSPC_SCREENSHOTS one for pictures of the screen, by ImageMagick's `import`, none when it is not set. Each step below waits for the one before; the exit code tells whether all was as expected.
 """
 
 import importlib
 import os
 import shutil
+import subprocess
 import sys
 import traceback
 from pathlib import Path
@@ -29,6 +30,8 @@ def steps():
     do_without_denoiser()
     show_output_properties()
     yield lambda: True
+
+    screenshot("ready")
 
     seen = set()
     before = in_blender.settings_of(scene)
@@ -72,6 +75,8 @@ def steps():
     correct()
     yield lambda: not state().running
     assert (state().level, state().message) == ("ERROR", "sspc-train: no luck"), state().message
+    yield lambda: True
+    screenshot("failed")
     restored(scene, before)
     preferences.programs = usual
 
@@ -136,14 +141,19 @@ def do_without_denoiser():
 
 
 def show_output_properties():
+    """With our panel open; a tall window shows it below the others."""
+    panel = bpy.types.SSPC_PT_output
+    bpy.utils.unregister_class(panel)
+    panel.bl_options = set()
+    bpy.utils.register_class(panel)
     for area in bpy.context.window_manager.windows[0].screen.areas:
         if area.type == "PROPERTIES":
             area.spaces.active.context = "OUTPUT"
 
 
 def screenshot(name):
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
-        bpy.ops.screen.screenshot(filepath=str(in_blender.SCRATCH / f"{name}.png"))
+    if folder := os.environ.get("SSPC_SCREENSHOTS"):
+        subprocess.run(["import", "-window", "root", Path(folder, f"{name}.png")], check=True)
 
 
 def run():
