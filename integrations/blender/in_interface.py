@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 import traceback
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def steps():
     assert any(text.startswith("Rendering half b") for text in seen) and any("step" in text for text in seen), seen
     restored(scene, before)
     assert "corrected.0002.exr" in in_blender.files(scene.sspc.folder)
-    yield lambda: True
+    yield in_a_second()
     screenshot("done")
 
     # Cancelled while the second half is rendered: nothing is left, and the scene is as it was.
@@ -62,6 +63,7 @@ def steps():
     before = in_blender.settings_of(scene)
     correct()
     yield lambda: "step" in state().text
+    yield in_a_second()
     screenshot("fitting")
     bpy.ops.sspc.cancel()
     yield lambda: not state().running
@@ -75,7 +77,7 @@ def steps():
     correct()
     yield lambda: not state().running
     assert (state().level, state().message) == ("ERROR", "sspc-train: no luck"), state().message
-    yield lambda: True
+    yield in_a_second()
     screenshot("failed")
     restored(scene, before)
     preferences.programs = usual
@@ -101,6 +103,12 @@ def correct():
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
         result = bpy.ops.sspc.correct("INVOKE_DEFAULT")
     assert result == {"RUNNING_MODAL"}, result
+
+
+def in_a_second():
+    """Time for Blender to draw."""
+    until = time.monotonic() + 1
+    return lambda: time.monotonic() > until
 
 
 def state():

@@ -6,6 +6,8 @@ import bpy
 
 # Pixels that a character of the message takes on average, and that margins and the icon take, at the usual scale.
 CHARACTER, MARGINS = 6.5, 60
+# Characters, also where there is no panel to measure.
+SHORTEST_LINE = 20
 # Of the progress in the status bar, in Blender's units: room for its text.
 STATUS_WIDTH = 24
 ICONS = {"INFO": "CHECKMARK", "WARNING": "ERROR", "ERROR": "CANCEL"}
@@ -44,8 +46,10 @@ class SSPC_PT_output(bpy.types.Panel):
 
 def line_length(context):
     """Characters of the message that fit into the width of the panel."""
-    scale = context.preferences.system.ui_scale
-    return max(20, int((context.region.width / scale - MARGINS) / CHARACTER))
+    if not context.region:
+        return SHORTEST_LINE
+    width = context.region.width / context.preferences.system.ui_scale
+    return max(SHORTEST_LINE, int((width - MARGINS) / CHARACTER))
 
 
 def draw_progress(layout, state, text):
