@@ -1,7 +1,8 @@
 """Tests of the operator beside Blender's interface: `blender --factory-startup --python in_interface.py`.
 
 test_blender.py runs it where SSPC_BLENDER names a Blender that can open a window. SSPC_SCRATCH names an empty folder;
-SSPC_SCREENSHOTS one for pictures of the screen, by ImageMagick's `import`, none when it is not set. Each step below waits for the one before; the exit code tells whether all was as expected.
+SSPC_SCREENSHOTS, where it is set, one for pictures of the screen (by ImageMagick's `import`). Each step below waits for
+the one before; the exit code tells whether all was as expected.
 """
 
 import importlib
