@@ -80,7 +80,7 @@ def write(options, about, results):
         path = options.output / f"{stem}-{scene}-samples"
         plots.by_samples(found["samples"], title, path)
         changed = f", {' '.join(options.set)}" if options.set else ""
-        title = f"{what}, {options.steps_spp} spp: one network of {options.steps_preset}{changed}"
+        title = f"{what}, {options.steps_spp} spp: preset {options.steps_preset}{changed}"
         steps = options.output / f"{stem}-{scene}-steps"
         plots.by_steps(found["steps"], title, steps)
         written += [p.with_suffix(kind) for p in (path, steps) for kind in (".svg", ".png")]

@@ -34,6 +34,9 @@ def by_steps(found, title, path):
     one = next(iter(next(iter(found.values())).values()))
     axes.axhline(one["denoised"], color="#606060", linestyle="--", label="denoised")
     axes.set_xscale("log")
+    counts = sorted({f["steps"] for figures in found.values() for f in figures.values()})
+    axes.set_xticks(counts, [str(count) for count in counts])
+    axes.set_xticks([], minor=True)
     finish(figure, axes, title, "training steps", path)
 
 
@@ -54,7 +57,8 @@ def finish(figure, axes, title, x, path):
     axes.set_ylabel("relL2")
     axes.set_title(title, fontsize=10)
     axes.grid(True, which="major", color="#d0d0d0", linewidth=0.6)
-    axes.legend(fontsize=8)
+    # Long enough to tell dashes from a line.
+    axes.legend(fontsize=8, handlelength=3.5)
     for kind in (".svg", ".png"):
         metadata = {"Date": None} if kind == ".svg" else {}
         figure.savefig(path.with_suffix(kind), dpi=150, metadata=metadata)

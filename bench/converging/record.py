@@ -36,6 +36,8 @@ def head(options, about):
         "machine counts little; starting the renderer is left out. relL2 against references of "
         f"{options.reference_spp} samples, their own noise taken out. Ratio: corrected divided by denoised."
     )
+    if max(machine["load_average_before"][0], about["load_average_after"][0]) > machine["cores_usable"]:
+        yield "The machine was shared while this was measured (load above its cores): seconds are rough."
 
 
 def samples(found):

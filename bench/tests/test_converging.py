@@ -68,6 +68,11 @@ class Record(unittest.TestCase):
         self.assertIn("| f_c | 30 | 0.05 | 1.25 | 2.0 |", text)
         self.assertIn("| oidn | 8 | 11.5 | 0.04 | 11 | 0.0582 | 0.69 |", text)
 
+    def test_a_shared_machine_is_named(self):
+        for load, shared in ((2.0, False), (2.1, True)):
+            text = record.markdown(options(), ABOUT | {"load_average_after": [load, 0, 0]}, {}, "stem")
+            self.assertEqual("was shared" in text, shared, load)
+
     @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "no matplotlib")
     def test_the_same_figures_give_the_same_files(self):
         from ..converging import plots

@@ -143,8 +143,9 @@ class Correct(unittest.TestCase):
         self.assertEqual(picture.shape, (HEIGHT, WIDTH, 4))
         np.testing.assert_array_equal(picture[..., :3], passes(folder / "corrected-passes.0002.exr", "Combined"))
         self.assertTrue((picture[..., 3] == 1).all())
-        shown = np.array(bpy.data.images["sspc corrected"].pixels[:]).reshape(HEIGHT, WIDTH, 4)
-        np.testing.assert_array_equal(shown[::-1], picture)
+        shown = bpy.data.images["sspc corrected"]
+        np.testing.assert_array_equal(np.array(shown.pixels[:]).reshape(HEIGHT, WIDTH, 4)[::-1], picture)
+        self.assertTrue(shown.use_view_as_render)
         self.assertEqual((state().level, state().message.split(",")[0]), ("INFO", f"Corrected the frame in {folder}"))
 
         # The halves are what they should be: other noise, half of the samples, both denoised.

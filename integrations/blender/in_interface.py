@@ -1,13 +1,16 @@
 """Tests of the operator beside Blender's interface: `blender --factory-startup --python in_interface.py`.
 
-test_blender.py runs it where SSPC_BLENDER names a Blender that can open a window. SSPC_SCRATCH names an empty folder,
-where screenshots stay. Each step below waits for the one before; the exit code tells whether all was as expected.
+test_blender.py runs it where SSPC_BLENDER names a Blender that can open a window. SSPC_SCRATCH names an empty folder;
+SSPC_SCREENSHOTS, where it is set, one for pictures of the screen (by ImageMagick's `import`). Each step below waits for
+the one before; the exit code tells whether all was as expected.
 """
 
 import importlib
 import os
 import shutil
+import subprocess
 import sys
+import time
 import traceback
 from pathlib import Path
 
@@ -30,6 +33,8 @@ def steps():
     show_output_properties()
     yield lambda: True
 
+    screenshot("ready")
+
     seen = set()
     before = in_blender.settings_of(scene)
     correct()
@@ -39,7 +44,7 @@ def steps():
     assert any(text.startswith("Rendering half b") for text in seen) and any("step" in text for text in seen), seen
     restored(scene, before)
     assert "corrected.0002.exr" in in_blender.files(scene.sspc.folder)
-    yield lambda: True
+    yield in_a_second()
     screenshot("done")
 
     # Cancelled while the second half is rendered: nothing is left, and the scene is as it was.
@@ -59,6 +64,7 @@ def steps():
     before = in_blender.settings_of(scene)
     correct()
     yield lambda: "step" in state().text
+    yield in_a_second()
     screenshot("fitting")
     bpy.ops.sspc.cancel()
     yield lambda: not state().running
@@ -72,6 +78,8 @@ def steps():
     correct()
     yield lambda: not state().running
     assert (state().level, state().message) == ("ERROR", "sspc-train: no luck"), state().message
+    yield in_a_second()
+    screenshot("failed")
     restored(scene, before)
     preferences.programs = usual
 
@@ -96,6 +104,12 @@ def correct():
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
         result = bpy.ops.sspc.correct("INVOKE_DEFAULT")
     assert result == {"RUNNING_MODAL"}, result
+
+
+def in_a_second():
+    """Time for Blender to draw."""
+    until = time.monotonic() + 1
+    return lambda: time.monotonic() > until
 
 
 def state():
@@ -136,14 +150,19 @@ def do_without_denoiser():
 
 
 def show_output_properties():
+    """With our panel open; a tall window shows it below the others."""
+    panel = bpy.types.SSPC_PT_output
+    bpy.utils.unregister_class(panel)
+    panel.bl_options = set()
+    bpy.utils.register_class(panel)
     for area in bpy.context.window_manager.windows[0].screen.areas:
         if area.type == "PROPERTIES":
             area.spaces.active.context = "OUTPUT"
 
 
 def screenshot(name):
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
-        bpy.ops.screen.screenshot(filepath=str(in_blender.SCRATCH / f"{name}.png"))
+    if folder := os.environ.get("SSPC_SCREENSHOTS"):
+        subprocess.run(["import", "-window", "root", Path(folder, f"{name}.png")], check=True)
 
 
 def run():

@@ -16,7 +16,7 @@ function chart(title, note, x, series, options = {}) {
       ...size,
       scales: { x: { time: false }, y: options.linear ? {} : { distr: 3, range: (_, low, high) => [low / 1.1, high * 1.1] } },
       axes: [{ ...axis, ...options.x }, { ...axis, size: 74, values: (_, ticks) => ticks.map((v) => (v === null || !isRound(v) ? "" : shown(v))) }],
-      series: [{ label: options.label ?? "step" }, ...series.map(({ label, colour, width, points }) => ({ label, stroke: colour, width: width ?? 2, points: { show: points ?? false }, value: (_, v) => shown(v) }))],
+      series: [{ label: options.label ?? "step", value: (_, v) => shown(v) }, ...series.map(({ label, colour, width, points }) => ({ label, stroke: colour, width: width ?? 2, points: { show: points ?? false }, value: (_, v) => shown(v) }))],
     },
     [x, ...series.map((s) => s.values)],
     holder,

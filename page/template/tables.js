@@ -46,8 +46,9 @@ function entries(value, before = "") {
   });
 }
 
+// Two digits of a standard error say all that it tells.
 const withError = (mean) =>
-  !mean ? "–" : mean.standard_error == null ? shown(mean.value) : `${shown(mean.value)} ± ${shown(mean.standard_error)}`;
+  !mean ? "–" : mean.standard_error == null ? shown(mean.value) : `${shown(mean.value)} ± ${shown(Number(mean.standard_error.toPrecision(2)))}`;
 
 function figurePanels(report) {
   const panels = [];

@@ -191,8 +191,11 @@ def rendered(result):
 def tag_redraw():
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type in ("PROPERTIES", "STATUSBAR"):
+            if area.type == "PROPERTIES":
                 area.tag_redraw()
+    # The status bar is in no screen's areas; setting its text draws it anew.
+    if bpy.context.workspace and bpy.context.window_manager.sspc.running:
+        bpy.context.workspace.status_text_set(panel.draw_status)
 
 
 def end_all():

@@ -39,6 +39,8 @@ def show(pixels, path):
         old.user_remap(image)
         bpy.data.images.remove(old)
     image.name = IMAGE
+    # Toned like the render that it is compared with.
+    image.use_view_as_render = True
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR":

@@ -42,7 +42,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Of corrected.####.exr, made when absent",
     )
     keep: BoolProperty(
-        name="Keep Halves and Model",
+        name="Keep Halves",
         default=False,
         description="Keep both halves, the model, its report and the corrected picture with all passes in the folder",
     )
