@@ -18,7 +18,7 @@ use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
-pub(crate) const WEIGHT_RADIUS: usize = 15;
+pub const WEIGHT_RADIUS: usize = 15;
 
 /// Largest share of a correction. With 1.3 the error falls by half a hundredth, and pixels turn black or coloured where y
 /// of both halves lies far from z: they are carried beyond y.
