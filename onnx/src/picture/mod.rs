@@ -33,8 +33,6 @@ pub(crate) const PICTURE_GRAPH: &str = "sspc_picture";
 pub fn write_picture(model: &Model) -> Vec<u8> {
     let judged = model.contract.composition == Composition::JudgedFullBuffer;
     let mut g = Ops::new(PICTURE_GRAPH, "");
-    g.graph.floats("strength", &[1], &[1.0]);
-    g.graph.floats("shared_noise", &[1], &[0.0]);
     prepare::prepare(&mut g, model);
     for k in 0..model.contract.networks {
         let shared = correct::shared(k);

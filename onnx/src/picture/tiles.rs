@@ -3,11 +3,11 @@
 //! A tile of 4x4 pixels shares the pixels of its windows, its keys. With x relative to the least of the tile,
 //! ‖x_c - x_i‖² = ‖x_c‖² - 2 x_c·x_i + ‖x_i‖² is one product of a matrix of the tile's pixels and one of its keys, and so
 //! is the weighted sum of the keys' values. What is left for each pair are two logarithms, which take half of the time,
-//! an exponential and five additions and multiplications. y's logarithm serves the half's own guides and the full
+//! an exponential and a few additions, multiplications and limits. y's logarithm serves the half's own guides and the full
 //! buffer's, that of the full buffer's z both halves.
 //!
-//! Rounding must not make 1 + ‖x_c - x_i‖² negative nor an exponent positive, so squares count for [`INFLATED`] times
-//! what they are.
+//! Rounding must not make 1 + ‖x_c - x_i‖² negative nor an exponent positive: limits see to that.
+//! Distances between values far from 0 and far from the tile's least keep a rounding of their squares, 1e-7 of them.
 
 use super::ops::Ops;
 use crate::builder::{Dim, int, subgraph};
@@ -25,8 +25,6 @@ pub(super) const VALUES: i64 = 14;
 pub(super) const SUMS: i64 = 14;
 /// How channels divide into y, features and z.
 pub(super) const GROUPS: [i64; 3] = [3, 7, 3];
-/// What squares are multiplied by: one and a few roundings of a sum of 16 products.
-const INFLATED: f32 = 1.0 + 4e-6;
 /// Exponent of a pair that does not count.
 pub(super) const NEVER: f32 = -1e30;
 
@@ -91,23 +89,22 @@ fn starts(g: &mut Ops, pairs: &Pairs) -> String {
     g.concat(&[&y, &x], 1)
 }
 
-/// The pixels' side of 1 + ‖x_c - x_i‖²: -2 x, the squares' factor thrice, 1 + ‖x‖².
+/// The pixels' side of 1 + ‖x_c - x_i‖²: -2 x, thrice 1 for the key's squares, 1 + ‖x‖².
 fn of_logarithm(g: &mut Ops, x: &str) -> String {
     let (twice, none) = (g.times(x, -2.0), g.times(x, 0.0));
-    let factor = g.add_to(&none, INFLATED);
+    let factor = g.add_to(&none, 1.0);
     let squared = g.reduce("ReduceSumSquare", x, &[1]);
-    let inflated = g.times(&squared, INFLATED);
-    let constant = g.add_to(&inflated, 1.0);
+    let constant = g.add_to(&squared, 1.0);
     g.concat(&[&twice, &factor, &constant], 1)
 }
 
 /// The pixels' side of -Σ γ (f_c - f_i)² and of the penalty.
 fn of_exponent(g: &mut Ops, f: &str, gamma: &str) -> String {
     let by_gamma = g.mul(f, gamma);
-    let (twice, factor) = (g.times(&by_gamma, 2.0), g.times(gamma, -INFLATED));
+    let (twice, factor) = (g.times(&by_gamma, 2.0), g.neg(gamma));
     let squares = g.mul(&by_gamma, f);
     let squared = g.sum_over(&squares, &[1]);
-    let (constant, none) = (g.times(&squared, -INFLATED), g.times(&squared, 0.0));
+    let (constant, none) = (g.neg(&squared), g.times(&squared, 0.0));
     let penalty = g.add_to(&none, 1.0);
     g.concat(&[&twice, &factor, &constant, &penalty], 1)
 }
@@ -172,8 +169,9 @@ fn body(names: &[&str], pairs: &Pairs) -> GraphProto {
             if only_first {
                 (keys, pixels) = (g.at(&keys, 0, 0), g.at(&pixels, 0, 0));
             }
-            let product = g.matmul(&pixels, &keys);
-            g.log(&product)
+            let (product, one) = (g.matmul(&pixels, &keys), g.float(1.0));
+            let at_least_one = g.max(&product, &one);
+            g.log(&at_least_one)
         };
         if i == 0 {
             let log = logarithm(&mut g, 0, &scanned("y_0"), false);
@@ -186,8 +184,9 @@ fn body(names: &[&str], pairs: &Pairs) -> GraphProto {
         let keys = g.concat(&[&of_x[1], &of_squares[1], &ones, &parts[1]], 2);
         let of_features = g.matmul(&scanned(&format!("f_{i}")), &keys);
         let of_colours = g.sub(&of_y, &of_z);
-        let exponent = g.add(&of_features, &of_colours);
-        let weight = g.exp(&exponent);
+        let (exponent, nothing) = (g.add(&of_features, &of_colours), g.float(0.0));
+        let negative = g.min(&exponent, &nothing);
+        let weight = g.exp(&negative);
         let averaged = g.concat(&[&x, &ones], 2);
         let averaged = g.transpose(&averaged, &[0, 1, 3, 2]);
         let output = format!("chunk_sums_{i}");
