@@ -1,4 +1,4 @@
-//! Reads a model from either graph that this crate writes.
+//! Reads a model from any graph that this crate writes.
 //!
 //! Files are not trusted: their size is bounded before decoding, shapes are compared with the contract before values are
 //! copied, and the operators must be those that this crate writes, so that what we compute is what the file describes.
@@ -61,7 +61,7 @@ pub fn load_model_and_kind(path: &Path) -> Result<(Model, GraphKind), FileError>
     Ok((read_model(&bytes).map_err(refused)?, read_graph_kind(&bytes).map_err(refused)?))
 }
 
-/// Reads contract and weights from the bytes of a network or image graph.
+/// Reads contract and weights from the bytes of any of the graphs.
 ///
 /// # Errors
 /// Every variant of [`Error`]; the first that applies in the order size, encoding, contract,

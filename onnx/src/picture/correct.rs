@@ -2,7 +2,7 @@
 
 use super::ops::Ops;
 use super::prepare::{Named, denoised_of};
-use super::tiles::{CHUNK_ROWS, GROUPS, NEVER, Pairs, TILE, VALUES, Values, window_sums};
+use super::tiles::{BIAS, CHUNK_ROWS, GROUPS, NEVER, ONES, Pairs, TILE, VALUES, Values, window_sums};
 use crate::builder::{int, ints};
 use crate::messages::GraphProto;
 use crate::model::Model;
@@ -19,7 +19,7 @@ pub(super) const FULL: &str = "full";
 /// The values that network `k` takes from the graph around it.
 pub(super) fn shared(k: usize) -> Vec<String> {
     let [own, full] = denoised_of(k);
-    Named::ALL.iter().map(|name| name.to_string()).chain([own, full]).collect()
+    Named::ALL.into_iter().chain([ONES, BIAS]).map(String::from).chain([own, full]).collect()
 }
 
 /// The graph of network `k`: from the values of [`shared`] to [`HALVES`] and [`FULL`].

@@ -23,8 +23,7 @@ pub(crate) const PICTURE_GRAPH: &str = "sspc_picture";
 /// The finished picture as an ONNX file: `sspc_core::correct`, but for what is decided about the halves before it.
 ///
 /// Inputs: `radiance`, `denoised`, `albedo`, `normal` `[2, 3, H, W]`, `visibility` `[2, 1, H, W]` of half a and half b,
-/// `denoised_full` `[1, 3, H, W]`, and `exposure` `[1]`; `strength` `[1]`, 1 where it is not given, and `shared_noise`
-/// `[1]`, 0 where it is not given. Network k of several takes `zK_denoised` and `zK_denoised_full` too, a model of shots
+/// `denoised_full` `[1, 3, H, W]`, and `exposure`, `strength` and `shared_noise` `[1]`. Network k of several takes `zK_denoised` and `zK_denoised_full` too, a model of shots
 /// `mean` and `mean_full`. Values may be NaN or infinite. Outputs: `picture` `[1, 3, H, W]` in the units of `denoised_full`,
 /// `share` `[1, 1, H, W]`, and `fallback` `[1]`: 0 where the correction stays.
 ///
@@ -34,6 +33,7 @@ pub fn write_picture(model: &Model) -> Vec<u8> {
     let judged = model.contract.composition == Composition::JudgedFullBuffer;
     let mut g = Ops::new(PICTURE_GRAPH, "");
     prepare::prepare(&mut g, model);
+    tiles::add_constants(&mut g, model.contract.window_radius as i64);
     for k in 0..model.contract.networks {
         let shared = correct::shared(k);
         let shared: Vec<&str> = shared.iter().map(String::as_str).collect();

@@ -52,7 +52,13 @@ impl Ops {
     }
 
     /// An operator of several results.
-    pub fn several(&mut self, operator: &str, inputs: &[&str], results: usize, with: Vec<AttributeProto>) -> Vec<String> {
+    pub fn several(
+        &mut self,
+        operator: &str,
+        inputs: &[&str],
+        results: usize,
+        with: Vec<AttributeProto>,
+    ) -> Vec<String> {
         let names: Vec<String> = (0..results).map(|_| self.name(operator)).collect();
         self.graph.node(operator, inputs, &names.iter().map(String::as_str).collect::<Vec<_>>(), with);
         names

@@ -28,6 +28,19 @@ pub(super) const GROUPS: [i64; 3] = [3, 7, 3];
 /// Exponent of a pair that does not count.
 pub(super) const NEVER: f32 = -1e30;
 
+/// Constants that all networks share: 1 for each key of a chunk, `[2, tiles, 1, keys]`, and [`NEVER`] for each key of a
+/// pixel that its window leaves out, `[tile², keys]`.
+pub(super) const ONES: &str = "ones";
+pub(super) const BIAS: &str = "bias";
+
+/// Adds the constants.
+pub(super) fn add_constants(g: &mut Ops, radius: i64) {
+    let keys = ((TILE + 2 * radius) * (TILE + 2 * radius)) as usize;
+    let chunk = 2 * CHUNK as usize;
+    g.graph.floats(ONES, &[2, chunk / 2, 1, keys], &vec![1.0; chunk * keys]);
+    g.graph.floats(BIAS, &[(TILE * TILE) as usize, keys], &bias(radius));
+}
+
 /// What the sums are made of; pictures are padded to whole chunks below and whole tiles on the right.
 pub(super) struct Pairs<'a> {
     /// For each guides: what is compared and averaged.
@@ -142,14 +155,11 @@ fn body(names: &[&str], pairs: &Pairs) -> GraphProto {
     }
     let scanned = |name: &str| format!("chunk_{name}");
     let (radius, side) = (pairs.radius, TILE + 2 * pairs.radius);
-    let bias = g.graph.floats("pair_bias", &[(TILE * TILE) as usize, (side * side) as usize], &bias(radius));
     let size = g.ints(&[CHUNK_ROWS + 2 * radius, side]);
     let end = g.add("chunk_start", &size);
     // Rows of keys are gathered in twos.
     let rows: Vec<i64> = (0..CHUNK).flat_map(|tile| (0..side / 2).map(move |row| tile * TILE / 2 + row)).collect();
     let rows = g.graph.ints("pair_rows", &[CHUNK as usize, side as usize / 2], &rows);
-    let ones = vec![1.0; (2 * CHUNK * side * side) as usize];
-    let ones = g.graph.floats("pair_ones", &[2, CHUNK as usize, 1, (side * side) as usize], &ones);
 
     // bias - γ_y log(1 + ‖y_c - y_i‖²), the same under all guides.
     let mut of_y = String::new();
@@ -164,7 +174,7 @@ fn body(names: &[&str], pairs: &Pairs) -> GraphProto {
         let squares = g.square(&x);
         let (of_x, of_squares) = (g.split(&x, &GROUPS, 2), g.split(&squares, &GROUPS, 2));
         let logarithm = |g: &mut Ops, group: usize, pixels: &str, only_first: bool| {
-            let mut keys = g.concat(&[&of_x[group], &of_squares[group], &ones], 2);
+            let mut keys = g.concat(&[&of_x[group], &of_squares[group], ONES], 2);
             let mut pixels = pixels.to_string();
             if only_first {
                 (keys, pixels) = (g.at(&keys, 0, 0), g.at(&pixels, 0, 0));
@@ -176,18 +186,18 @@ fn body(names: &[&str], pairs: &Pairs) -> GraphProto {
         if i == 0 {
             let log = logarithm(&mut g, 0, &scanned("y_0"), false);
             let scaled = g.mul(&log, "chunk_gamma_y");
-            of_y = g.sub(&bias, &scaled);
+            of_y = g.sub(BIAS, &scaled);
         }
         // The full buffer's z is the same for both halves.
         let log = logarithm(&mut g, 2, &scanned(&format!("z_{i}")), i > 0);
         let of_z = g.mul(&log, "chunk_gamma_z");
-        let keys = g.concat(&[&of_x[1], &of_squares[1], &ones, &parts[1]], 2);
+        let keys = g.concat(&[&of_x[1], &of_squares[1], ONES, &parts[1]], 2);
         let of_features = g.matmul(&scanned(&format!("f_{i}")), &keys);
         let of_colours = g.sub(&of_y, &of_z);
         let (exponent, nothing) = (g.add(&of_features, &of_colours), g.float(0.0));
         let negative = g.min(&exponent, &nothing);
         let weight = g.exp(&negative);
-        let averaged = g.concat(&[&x, &ones], 2);
+        let averaged = g.concat(&[&x, ONES], 2);
         let averaged = g.transpose(&averaged, &[0, 1, 3, 2]);
         let output = format!("chunk_sums_{i}");
         g.graph.op("MatMul", &[&weight, &averaged], &output);
