@@ -11,8 +11,8 @@ use sspc_core::composition::Composition;
 use sspc_kernels::gc::WEIGHT_FLOOR;
 use sspc_kernels::parameters::Form;
 
-/// What a network's graph gives: the halves' corrections `[2, 3, H, W]` and, for the picture, their mean with the guides of
-/// the full buffer, `[1, 3, H, W]`.
+/// What a network's graph gives: the halves' corrections `[2, 3, H, W]` and, for the picture, their mean with the guides
+/// of the full buffer, `[1, 3, H, W]`.
 pub(super) const HALVES: &str = "halves";
 pub(super) const FULL: &str = "full";
 
@@ -97,8 +97,8 @@ fn relative(g: &mut Ops, keys: String, padded: &[String; 2], radius: i64) -> (Va
     (Values { keys, pixels, least }, Centre { least: of_pixels, z })
 }
 
-/// For each row or column of a padded picture with a radius around it the pixel that it shows: mirrored at the borders with
-/// the edge pixel repeated, as often as a small picture needs.
+/// For each row or column of a padded picture with a radius around it the pixel that it shows: mirrored at the borders
+/// with the edge pixel repeated, as often as a small picture needs.
 fn mirrored(g: &mut Ops, size: &str, padded: &str, radius: i64) -> String {
     let (two, radii) = (g.int(2), g.int(2 * radius));
     let (period, length) = (g.mul(size, &two), g.add(padded, &radii));

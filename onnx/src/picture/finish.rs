@@ -22,8 +22,8 @@ pub(super) fn picture(g: &mut Ops, correction: &str, kept: &str) -> String {
     filled(g, &picture)
 }
 
-/// Pixels that are not finite take the first value that is, of the halves' denoised pictures and then of their radiance, and
-/// else grow shut.
+/// Pixels that are not finite take the first value that is, of the halves' denoised pictures and then of their radiance,
+/// and else grow shut.
 fn filled(g: &mut Ops, picture: &str) -> String {
     let sources: Vec<String> =
         ["radiance", "denoised"].iter().flat_map(|of| [1, 0].map(|half| g.at(of, half, 0))).collect();
@@ -36,7 +36,7 @@ fn filled(g: &mut Ops, picture: &str) -> String {
     let finite = finite_pixels(g, picture);
     let picture = g.choose(&finite, picture, &value);
     let (finite, nothing) = (finite_pixels(g, &picture), g.float(0.0));
-    let number = g.to_float(&finite);
+    let number = g.as_float(&finite);
     let zeroed = g.choose(&finite, &picture, &nothing);
     let start = g.concat(&[&zeroed, &number], 1);
     let most = {
@@ -50,7 +50,8 @@ fn filled(g: &mut Ops, picture: &str) -> String {
     g.split(&grown[0], &[3, 1], 1).swap_remove(0)
 }
 
-/// One ring of missing pixels: the mean of the neighbours that have a value. Colours with a plane of 1 where there is one.
+/// One ring of missing pixels: the mean of the neighbours that have a value. Colours, and a plane that is 1 where they
+/// have one.
 fn ring() -> GraphProto {
     let mut g = Ops::new("ring", "ring_");
     g.graph.input("ring_trip", data_type::INT64, &[]);
@@ -72,7 +73,7 @@ fn ring() -> GraphProto {
     let has_value = g.is_set(&old[1]);
     let colours = g.choose(&has_value, &old[0], &mean);
     let now = g.or(&has_value, &has_neighbour);
-    let number = g.to_float(&now);
+    let number = g.as_float(&now);
     g.graph.op_with("Concat", &[&colours, &number], "ring_grown", vec![int("axis", 1)]);
     let missing = any_missing(&mut g, &number);
     g.graph.op("Identity", &[&missing], "ring_again");

@@ -23,9 +23,10 @@ pub(crate) const PICTURE_GRAPH: &str = "sspc_picture";
 /// The finished picture as an ONNX file: `sspc_core::correct`, but for what is decided about the halves before it.
 ///
 /// Inputs: `radiance`, `denoised`, `albedo`, `normal` `[2, 3, H, W]`, `visibility` `[2, 1, H, W]` of half a and half b,
-/// `denoised_full` `[1, 3, H, W]`, and `exposure`, `strength` and `shared_noise` `[1]`. Network k of several takes `zK_denoised` and `zK_denoised_full` too, a model of shots
-/// `mean` and `mean_full`. Values may be NaN or infinite. Outputs: `picture` `[1, 3, H, W]` in the units of `denoised_full`,
-/// `share` `[1, 1, H, W]`, and `fallback` `[1]`: 0 where the correction stays.
+/// `denoised_full` `[1, 3, H, W]`, and `exposure`, `strength` and `shared_noise` `[1]`. Network k of several takes
+/// `zK_denoised` and `zK_denoised_full` too, a model of shots `mean` and `mean_full`. Values may be NaN or infinite.
+/// Outputs: `picture` `[1, 3, H, W]` in the units of `denoised_full`, `share` `[1, 1, H, W]`, and `fallback` `[1]`: 0 where
+/// the correction stays.
 ///
 /// # Panics
 /// When the weights do not fit the contract; [`Model::new`] checks that.

@@ -177,7 +177,7 @@ impl Ops {
         self.op_with("Cast", &[value], vec![int("to", kind.into())])
     }
 
-    pub fn to_float(&mut self, value: &str) -> String {
+    pub fn as_float(&mut self, value: &str) -> String {
         self.cast(value, data_type::FLOAT)
     }
 
@@ -200,7 +200,7 @@ impl Ops {
 
     /// Whether all channels (axis 1) of a mask hold, or, of `Max`, any.
     pub fn channels(&mut self, reduction: &str, mask: &str) -> String {
-        let number = self.to_float(mask);
+        let number = self.as_float(mask);
         let reduced = self.reduce(reduction, &number, &[1]);
         self.is_set(&reduced)
     }

@@ -113,7 +113,7 @@ fn declare(g: &mut Ops, model: &Model) {
 /// 1 where all channels of all images are finite, `[1, 1, H, W]`.
 fn finite_everywhere(g: &mut Ops, images: &str) -> String {
     let finite = g.is_finite(images);
-    let number = g.to_float(&finite);
+    let number = g.as_float(&finite);
     let of_each = g.reduce("ReduceMin", &number, &[1]);
     g.reduce("ReduceMin", &of_each, &[0])
 }
@@ -147,7 +147,7 @@ fn feature(g: &mut Ops, images: &str, is_valid: &str, fitted: bool) -> String {
     let (most, least) = (extreme("ReduceMax", f32::MIN), extreme("ReduceMin", f32::MAX));
     let varies = g.greater(&most, &least);
     let varies = g.channels("ReduceMax", &varies);
-    let varies = g.to_float(&varies);
+    let varies = g.as_float(&varies);
     g.mul(&value, &varies)
 }
 
@@ -157,7 +157,7 @@ fn active(g: &mut Ops, composition: Composition) {
     let equal = g.equal(&a, &b);
     let differs = g.not(&equal);
     let differs = g.channels("ReduceMax", &differs);
-    let noise = g.to_float(&differs);
+    let noise = g.as_float(&differs);
     let noise = g.mul(&noise, Named::VALID);
     let half = g.float(0.5);
     if !composition.skips_still_blocks() {

@@ -1,19 +1,20 @@
 //! The sums of g_c over the window in standard operators, in a form that is mostly matrix products.
 //!
 //! A tile of 4x4 pixels shares the pixels of its windows, its keys. With x relative to the least of the tile,
-//! ‖x_c - x_i‖² = ‖x_c‖² - 2 x_c·x_i + ‖x_i‖² is one product of a matrix of the tile's pixels and one of its keys, and so
-//! is the weighted sum of the keys' values. What is left for each pair are two logarithms, which take half of the time,
-//! an exponential and a few additions, multiplications and limits. y's logarithm serves the half's own guides and the full
-//! buffer's, that of the full buffer's z both halves.
+//! ‖x_c - x_i‖² = ‖x_c‖² - 2 x_c·x_i + ‖x_i‖² is one product of a matrix of the tile's pixels and one of its keys, and
+//! so is the weighted sum of the keys' values. What is left for each pair are two logarithms, which take a third of the
+//! time, an exponential and a few additions, multiplications and limits. y's logarithm serves the half's own guides and
+//! the full buffer's, that of the full buffer's z both halves.
 //!
-//! Rounding must not make 1 + ‖x_c - x_i‖² negative nor an exponent positive: limits see to that.
-//! Distances between values far from 0 and far from the tile's least keep a rounding of their squares, 1e-7 of them.
+//! Rounding must not make 1 + ‖x_c - x_i‖² less than 1 nor an exponent positive: limits see to that. Distances between
+//! values far from 0 and far from the tile's least keep a rounding of their squares, 1e-7 of them.
 
 use super::ops::Ops;
 use crate::builder::{Dim, int, subgraph};
 use crate::messages::{GraphProto, data_type};
 
-/// Side of a tile, pixels: smaller ones gather more keys for each pixel, larger ones compute more pairs outside of windows.
+/// Side of a tile, pixels: smaller ones gather more keys for each pixel, larger ones compute more pairs outside of
+/// windows.
 pub(super) const TILE: i64 = 4;
 /// Tiles of a chunk, one below the other: enough work for each operator, not more than caches hold.
 const CHUNK: i64 = 8;

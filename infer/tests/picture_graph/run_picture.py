@@ -1,5 +1,5 @@
-"""Runs picture.onnx in onnxruntime. The working folder holds cases.json, a list of cases: a folder each with a file NAME.f32
-for every NAME and shape of its arrays.json. This writes picture.f32, share.f32 and fallback.json into each."""
+"""Runs picture.onnx in onnxruntime. The working folder holds cases.json, a list of cases: a folder each with a file
+NAME.f32 for every NAME and shape of its arrays.json. This writes picture.f32, share.f32 and fallback.json into each."""
 
 import json
 from pathlib import Path
