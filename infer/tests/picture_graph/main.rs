@@ -96,7 +96,6 @@ impl Case {
         // The caller decides whether the halves are what they claim to be.
         let strength = if matches!(stats.trust(), Trust::None(_)) { 0.0 } else { self.strength };
         put("strength", &[1], vec![strength]);
-        put("shared_noise", &[1], vec![stats.found.shared_noise]);
         std::fs::write(folder.join("arrays.json"), serde_json::Value::Object(shapes).to_string()).expect("shapes");
     }
 }

@@ -3,20 +3,16 @@
 
 use super::ops::Ops;
 use super::prepare::Named;
-use sspc_core::blend_weight::{LARGEST_SHARE, WEIGHT_RADIUS};
+use sspc_core::blend_weight::{LARGEST_RESIDUAL, LARGEST_SHARE, WEIGHT_RADIUS};
 use sspc_core::objective::RELATIVE_FLOOR;
 use sspc_core::outlier_limit::{
     CLOSE_RADIUS, LEAST_APART, LEAST_SHARE, LIMIT_RADIUS, RING, TIMES_APART, TIMES_AROUND, TIMES_CLOSE,
 };
 
-/// y of the other half, freed of the noise that both share, `[2, 3, H, W]`.
+/// y of the other half, `[2, 3, H, W]`.
 pub(super) fn targets(g: &mut Ops) -> String {
     let order = g.ints(&[1, 0]);
-    let other = g.gather(Named::Y, &order, 0);
-    let common = g.mul(Named::Y, "shared_noise");
-    let (freed, one) = (g.sub(&other, &common), g.float(1.0));
-    let alone = g.sub(&one, "shared_noise");
-    g.div(&freed, &alone)
+    g.gather(Named::Y, &order, 0)
 }
 
 /// 1 / (x̄² + 0.01) of pictures `[N, 3, H, W]`.
@@ -33,6 +29,12 @@ pub(super) fn share(g: &mut Ops, halves: &str, targets: &str) -> String {
     let weight = g.mul(&of_all, Named::VALID);
     let (d, r) = (g.sub(halves, Named::Z), g.sub(targets, Named::Z));
     let (weighed, nothing) = (g.mul(&d, &weight), g.float(0.0));
+    let squared = g.reduce("ReduceSumSquare", &r, &[1]);
+    let squared = g.mul(&squared, &weight);
+    let (length, most) = (g.sqrt(&squared), g.float(LARGEST_RESIDUAL));
+    let length = g.max(&length, &most);
+    let limit = g.div(&most, &length);
+    let r = g.mul(&r, &limit);
     let [agreement, size] = [&r, &d].map(|by| {
         let product = g.mul(&weighed, by);
         let sum = g.sum_over(&product, &[0, 1]);
@@ -76,7 +78,8 @@ pub(super) fn limited(g: &mut Ops, halves: &str, full: &str, share: &str) -> [St
     let (above, cut) = (g.add(&upper, &margin), g.add(&lower, &most_apart));
     let outlying = g.greater(&apart, &most_apart);
     let highest = g.choose(&outlying, &cut, &above);
-    let lowest = g.sub(&lower, &margin);
+    let below = g.sub(&lower, &margin);
+    let lowest = g.choose(&outlying, &lower, &below);
     let limited = g.max(&nearer, &lowest);
     let limited = g.min(&limited, &highest);
 

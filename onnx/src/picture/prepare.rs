@@ -105,7 +105,7 @@ fn declare(g: &mut Ops, model: &Model) {
         g.graph.input(&halves, data_type::FLOAT, &of(2, 3));
         g.graph.input(&full, data_type::FLOAT, &of(1, 3));
     }
-    for name in ["exposure", "strength", "shared_noise"] {
+    for name in ["exposure", "strength"] {
         g.graph.input(name, data_type::FLOAT, &[Dim::Size(1)]);
     }
 }

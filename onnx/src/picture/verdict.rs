@@ -74,18 +74,13 @@ pub(super) fn fallback(g: &mut Ops, judged: &Judged) -> String {
     decide(g, &all)
 }
 
-/// σ² of half of the other half's y, freed of shared noise.
+/// σ² of one half.
 fn of_variance(g: &mut Ops, y: &str) -> String {
     let parts = g.split(y, &[1, 1], 0);
     let apart = g.sub(&parts[0], &parts[1]);
     let squared = g.reduce("ReduceSumSquare", &apart, &[1]);
-    let (half, one) = (g.double(0.5), g.double(1.0));
-    let variance = g.mul(&squared, &half);
-    let shared = g.cast("shared_noise", data_type::DOUBLE);
-    let (more, less) = (g.add(&one, &shared), g.sub(&one, &shared));
-    let less = g.square(&less);
-    let factor = g.div(&more, &less);
-    g.mul(&variance, &factor)
+    let half = g.double(0.5);
+    g.mul(&squared, &half)
 }
 
 /// From planes of the gain, of both pictures' errors under two denominators each, and of the number of values,
