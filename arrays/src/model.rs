@@ -8,7 +8,7 @@ fn refused(error: &dyn std::error::Error) -> Failure {
     Failure::new(Code::Input, error.to_string(), "give a model.onnx that sspc-train fit or export wrote")
 }
 
-/// Reads a model's file, network or image graph.
+/// Reads a model's file, any of its graphs.
 ///
 /// # Errors
 /// When it cannot be read or is no model.

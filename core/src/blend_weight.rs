@@ -18,7 +18,7 @@ use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
-pub(crate) const WEIGHT_RADIUS: usize = 15;
+pub const WEIGHT_RADIUS: usize = 15;
 
 /// Largest share of a correction. With 1.3 the error falls by half a hundredth, and pixels turn black or coloured where y
 /// of both halves lies far from z: they are carried beyond y.
@@ -27,7 +27,7 @@ pub const LARGEST_SHARE: f32 = 1.0;
 /// A residual y^b - z^a counts as no longer than this, in the norm of the loss (√w): one firefly would decide over the
 /// correction of a thousand pixels around it. (Of 13 frames two gained 8 % by it, one lost 1.5 %. Adding what is cut off where
 /// many pixels agree on it gained nothing.)
-const LARGEST_RESIDUAL: f32 = 5.0;
+pub const LARGEST_RESIDUAL: f32 = 5.0;
 
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
 #[derive(Clone)]

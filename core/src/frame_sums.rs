@@ -258,10 +258,11 @@ impl<'a> Pixels<'a> {
     }
 }
 
+/// Standard errors by which an estimate is below zero by more than chance.
+pub const BY_CHANCE: f64 = 3.0;
+
 /// Whether an error is below zero by more than chance makes it.
 fn is_impossible(error: Mean) -> bool {
-    /// Standard errors.
-    const BY_CHANCE: f64 = 3.0;
     error.standard_error.is_some_and(|s| error.value < -BY_CHANCE * s)
 }
 

@@ -28,7 +28,7 @@
 
 pub mod alignment;
 pub mod bands;
-mod blend_weight;
+pub mod blend_weight;
 mod block_sample;
 pub mod box_mean;
 pub mod compose;
@@ -43,7 +43,7 @@ pub mod frame_sums;
 pub mod held_out;
 pub mod independence;
 pub mod objective;
-mod outlier_limit;
+pub mod outlier_limit;
 pub mod passes;
 pub mod plan;
 pub mod prepare;

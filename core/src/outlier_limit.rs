@@ -15,23 +15,23 @@ use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 
 /// Radius of the box in which squared distances are averaged, pixels: what a pixel's limit depends on.
-pub(crate) const LIMIT_RADIUS: usize = 8;
+pub const LIMIT_RADIUS: usize = 8;
 /// How many times the halves' mean squared distance from their mean the picture's may be.
-const TIMES_AROUND: f32 = 3.0;
+pub const TIMES_AROUND: f32 = 3.0;
 /// Radius of the box in which the halves' difference is averaged for a pixel's own limit.
-const CLOSE_RADIUS: usize = 2;
+pub const CLOSE_RADIUS: usize = 2;
 /// How many times that difference a pixel may leave the halves' range by.
-const TIMES_CLOSE: f32 = 2.0;
+pub const TIMES_CLOSE: f32 = 2.0;
 /// Radii of the ring around a pixel in which the halves' difference is averaged, to tell an outlier of one half: more than
 /// the first and up to the second.
-const RING: (usize, usize) = (1, 4);
+pub const RING: (usize, usize) = (1, 4);
 /// How many times that difference the halves of a pixel may lie apart. (Of 13 frames 0.01 to 0.06 % of the pixels lie
 /// further; the fur loses 0.4 % of its light by that and a quarter of its error, others 0.1 % and up to 2 %.)
-const TIMES_APART: f32 = 16.0;
+pub const TIMES_APART: f32 = 16.0;
 /// Least difference in a ring, in the method's units.
-const LEAST_APART: f32 = 2.5e-4;
+pub const LEAST_APART: f32 = 2.5e-4;
 /// Share with which a pixel of none is limited: its change counts that many times.
-const LEAST_SHARE: f32 = 1e-3;
+pub const LEAST_SHARE: f32 = 1e-3;
 
 /// Changes a `picture` `[3, H, W]`, of which z + share (picture - z) enters, so that this lies near both halves'
 /// z + share (μ̂ - z). Where nothing of the correction is used, the denoiser's picture is limited by the halves' z, by

@@ -76,7 +76,8 @@ fn or_unknown(text: &str) -> String {
 fn graph_words(kind: GraphKind) -> String {
     match kind {
         GraphKind::Network => "network: features [N, 13, H, W] to parameters [N, P, H, W]".into(),
-        GraphKind::Image => "image: the half buffers to the corrected picture, in standard operators".into(),
+        GraphKind::Image => "image: the half buffers to the mean of both corrected, in standard operators".into(),
+        GraphKind::Picture => "picture: the half buffers to the finished picture, in standard operators".into(),
     }
 }
 

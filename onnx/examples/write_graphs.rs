@@ -1,10 +1,10 @@
-//! Writes both graphs of an untrained model: `write_graphs FOLDER [paper|gated]`. The gated model adds a smoothed residual
+//! Writes the graphs of an untrained model: `write_graphs FOLDER [paper|gated]`. The gated model adds a smoothed residual
 //! to the denoiser's picture and is usable as it is; the paper's has random weights.
 
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_kernels::parameters::Form;
-use sspc_onnx::{Contract, Model, write_image, write_network};
+use sspc_onnx::{Contract, Model, write_image, write_network, write_picture};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -20,5 +20,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = Model::new(contract, network.weights)?;
     std::fs::write(folder.join("network.onnx"), write_network(&model))?;
     std::fs::write(folder.join("image.onnx"), write_image(&model))?;
+    std::fs::write(folder.join("picture.onnx"), write_picture(&model))?;
     Ok(())
 }

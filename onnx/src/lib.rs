@@ -11,6 +11,7 @@ mod messages;
 mod metadata;
 mod model;
 mod network_graph;
+mod picture;
 mod reader;
 mod window_sum;
 
@@ -21,4 +22,5 @@ pub use error::{Error, FileError};
 pub use image_graph::write_image;
 pub use model::Model;
 pub use network_graph::write_network;
+pub use picture::write_picture;
 pub use reader::{GraphKind, MAX_FILE_BYTES, load_model, load_model_and_kind, read_graph_kind, read_model};

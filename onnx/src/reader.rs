@@ -1,4 +1,4 @@
-//! Reads a model from either graph that this crate writes.
+//! Reads a model from any graph that this crate writes.
 //!
 //! Files are not trusted: their size is bounded before decoding, shapes are compared with the contract before values are
 //! copied, and the operators must be those that this crate writes, so that what we compute is what the file describes.
@@ -10,6 +10,7 @@ use crate::messages::{GraphProto, ModelProto, NodeProto, TensorProto, ValueInfoP
 use crate::metadata;
 use crate::model::{Model, layer_name, prefix};
 use crate::network_graph::write_network;
+use crate::picture::{PICTURE_GRAPH, write_picture};
 use prost::Message;
 use sspc_image::shown;
 use std::io::Read;
@@ -30,6 +31,8 @@ pub enum GraphKind {
     Network,
     /// Buffers to the corrected picture.
     Image,
+    /// Buffers to the finished picture.
+    Picture,
 }
 
 /// Reads and checks a model file.
@@ -58,7 +61,7 @@ pub fn load_model_and_kind(path: &Path) -> Result<(Model, GraphKind), FileError>
     Ok((read_model(&bytes).map_err(refused)?, read_graph_kind(&bytes).map_err(refused)?))
 }
 
-/// Reads contract and weights from the bytes of a network or image graph.
+/// Reads contract and weights from the bytes of any of the graphs.
 ///
 /// # Errors
 /// Every variant of [`Error`]; the first that applies in the order size, encoding, contract,
@@ -76,6 +79,7 @@ pub fn read_model(bytes: &[u8]) -> Result<Model, Error> {
     let expected = match kind(&graph) {
         GraphKind::Network => write_network(&model),
         GraphKind::Image => write_image(&model),
+        GraphKind::Picture => write_picture(&model),
     };
     let expected = ModelProto::decode(&expected[..]).map_err(Error::NotOnnx)?;
     let expected = expected.graph.ok_or(Error::NoGraph)?;
@@ -105,6 +109,7 @@ fn decode(bytes: &[u8]) -> Result<(Contract, GraphProto), Error> {
 fn kind(graph: &GraphProto) -> GraphKind {
     match graph.name.as_deref() {
         Some(IMAGE_GRAPH) => GraphKind::Image,
+        Some(PICTURE_GRAPH) => GraphKind::Picture,
         _ => GraphKind::Network,
     }
 }

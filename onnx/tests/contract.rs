@@ -29,14 +29,15 @@ fn small(form: Form) -> Model {
 }
 
 #[test]
-fn both_graphs_give_the_model_back_to_the_bit() {
+fn all_graphs_give_the_model_back_to_the_bit() {
     for form in [Form::Paper, Form::Gated] {
         for (hidden, layers, radius) in [(16, 9, 9), (3, 3, 4), (1, 1, 12)] {
             let mut model = model(form, hidden, layers);
             model.contract.window_radius = radius;
             model.contract.exposure = if radius == 9 { Exposure::Normalised } else { Exposure::AsIs };
-            for (bytes, kind) in [(write_network(&model), GraphKind::Network), (write_image(&model), GraphKind::Image)]
-            {
+            let network = (write_network(&model), GraphKind::Network);
+            let image = (write_image(&model), GraphKind::Image);
+            for (bytes, kind) in [network, image, (write_picture(&model), GraphKind::Picture)] {
                 assert_eq!(read_model(&bytes).unwrap(), model);
                 assert_eq!(read_graph_kind(&bytes).unwrap(), kind);
             }
@@ -56,7 +57,8 @@ fn several(form: Form, networks: usize) -> Model {
 fn several_networks_come_back_in_their_order() {
     for (form, networks) in [(Form::Gated, 2), (Form::Paper, 3), (Form::Gated, MAX_NETWORKS)] {
         let model = several(form, networks);
-        for bytes in [write_network(&model), write_image(&model)] {
+        for bytes in [write_network(&model), write_image(&model), write_picture(&model)] {
+            assert!(bytes.len() as u64 <= MAX_FILE_BYTES, "{} bytes", bytes.len());
             let found = read_model(&bytes).unwrap();
             assert_eq!(found, model);
             assert_eq!(found.networks().len(), networks);

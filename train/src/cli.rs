@@ -74,8 +74,10 @@ pub struct FitArgs {
 pub enum Graph {
     /// Features to parameters.
     Network,
-    /// The whole corrector, g_c included, in standard operators.
+    /// The mean of both corrected halves, g_c included, in standard operators.
     Image,
+    /// The finished picture, as `sspc-infer run` writes it, in standard operators.
+    Picture,
 }
 
 /// The arguments of `export`.

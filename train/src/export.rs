@@ -4,7 +4,7 @@ use crate::cli::{ExportArgs, Graph};
 use crate::warm_start::read_model;
 use sspc_cli::Failure;
 use sspc_frames::atomic::atomic_write_bytes;
-use sspc_onnx::{write_image, write_network};
+use sspc_onnx::{write_image, write_network, write_picture};
 
 /// Runs the subcommand.
 ///
@@ -16,6 +16,7 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let bytes = match args.graph {
         Graph::Network => write_network(&model),
         Graph::Image => write_image(&model),
+        Graph::Picture => write_picture(&model),
     };
     Ok(atomic_write_bytes(&args.output, &[path], &bytes)?)
 }

@@ -263,7 +263,7 @@ fn a_model_starts_another_fit_and_exports_both_graphs() {
     assert_success(&fit(&refined, &["--init", own.to_str().expect("UTF-8")]));
     let read = |folder: &Path| std::fs::read(folder.join("model.onnx")).expect("a model");
     assert!(read(&refined) == read(&second) && read(&refined) != read(&first), "another model");
-    for graph in ["network", "image"] {
+    for graph in ["network", "image", "picture"] {
         let out = folder.path().join(graph).with_extension("onnx");
         let output = command()
             .arg("export")

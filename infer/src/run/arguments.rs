@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// The arguments of `run`.
 #[derive(Clone, Debug, Args)]
 pub struct RunArguments {
-    /// The fitted model (network or image graph)
+    /// The fitted model (any of its graphs)
     #[arg(long, value_name = "model.onnx")]
     pub model: PathBuf,
 
