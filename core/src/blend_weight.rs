@@ -57,9 +57,7 @@ impl Evidence {
                 let corrected = [0, 1, 2].map(|k| halves[h].row(k, y));
                 for x in 0..width {
                     let [r, d] = [target, corrected].map(|of| [0, 1, 2].map(|k| of[k][x] - z[k][x]));
-                    let dot = |p: [f32; 3], q: [f32; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-                    let limit = LARGEST_RESIDUAL / (weight[x] * dot(r, r)).sqrt().max(LARGEST_RESIDUAL);
-                    agreement[x] += weight[x] * dot(r.map(|r| limit * r), d);
+                    agreement[x] += weight[x] * dot(limited(r, weight[x]), d);
                     size[x] += weight[x] * dot(d, d);
                 }
             }
@@ -75,16 +73,36 @@ impl Evidence {
 
     /// Σ w r·d / Σ w d², from 0 to [`LARGEST_SHARE`].
     pub fn share(self) -> Image {
-        // Each image goes when its mean is there.
-        let mean = |image: Image| box_mean(&image, WEIGHT_RADIUS);
-        let (agreement, size) = (mean(mean(self.agreement)), mean(mean(self.size)));
+        let (agreement, size) = (around(self.agreement), around(self.size));
         Image::from_rows(1, size.height(), size.width(), |_, y, row| {
             let sums = agreement.row(0, y).iter().zip(size.row(0, y));
             for (share, (agreement, size)) in row.iter_mut().zip(sums) {
-                *share = if *size > 0.0 { (agreement / size).clamp(0.0, LARGEST_SHARE) } else { 0.0 };
+                *share = best_share(*agreement, *size);
             }
         })
     }
+}
+
+/// A residual of a pixel as it counts.
+pub(crate) fn limited(r: [f32; 3], weight: f32) -> [f32; 3] {
+    let limit = LARGEST_RESIDUAL / (weight * dot(r, r)).sqrt().max(LARGEST_RESIDUAL);
+    r.map(|r| limit * r)
+}
+
+/// Means over the neighbourhood that judges a pixel.
+pub(crate) fn around(sums: Image) -> Image {
+    // Each image goes when its mean is there.
+    let mean = |image: Image| box_mean(&image, WEIGHT_RADIUS);
+    mean(mean(sums))
+}
+
+/// The share of a correction that takes most of the error away, from Σ w r·d and Σ w d².
+pub(crate) fn best_share(agreement: f32, size: f32) -> f32 {
+    if size > 0.0 { (agreement / size).clamp(0.0, LARGEST_SHARE) } else { 0.0 }
+}
+
+pub(crate) fn dot(p: [f32; 3], q: [f32; 3]) -> f32 {
+    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
 #[cfg(test)]

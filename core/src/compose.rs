@@ -8,6 +8,7 @@ use crate::blend_weight::{Evidence, WEIGHT_RADIUS};
 use crate::composition::Composition;
 use crate::corrector::correct;
 use crate::estimate;
+use crate::first_or_mean::{Choice, choose};
 use crate::frame_sums::FrameSums;
 use crate::objective::triple;
 use crate::outlier_limit::{LIMIT_RADIUS, limit_outliers};
@@ -39,6 +40,8 @@ pub struct Band {
     /// Mean of both halves, corrected as far as they judge each other, in the method's units, `[3, rows, W]`: the
     /// picture that the estimate is of.
     pub halves: Image,
+    /// Σ over the band's pixels of the weight of the mean over several networks; the first has the rest.
+    pub weight_of_mean: f64,
     /// The band's part of what the whole picture is judged by.
     pub sums: FrameSums,
 }
@@ -84,8 +87,11 @@ impl Composer<'_> {
         source: &S,
         rows: Range<usize>,
     ) -> Result<Band, S::Error> {
-        let Corrections { halves, mut picture } = self.corrections(prepared, source, &rows)?;
+        let Corrections { halves, mut picture, choice } = self.corrections(prepared, source, &rows)?;
         let mut sums = FrameSums::default();
+        let weight_of_mean = choice.as_ref().map_or((rows.len() * prepared.width()) as f64, |choice| {
+            rows.clone().flat_map(|y| choice.mean.row(0, y)).map(|&t| f64::from(t)).sum()
+        });
         let mut share = match self.composition {
             Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
             Composition::JudgedFullBuffer => {
@@ -94,7 +100,7 @@ impl Composer<'_> {
                     let share = self.weaken(evidence.clone().without_held_out().share());
                     sums.held_out_gain = Some(estimate::held_out_gain(prepared, &halves, &share));
                 }
-                evidence.share()
+                choice.map_or_else(|| evidence.share(), |choice| choice.share)
             }
         };
         if self.composition == Composition::JudgedFullBuffer {
@@ -112,7 +118,7 @@ impl Composer<'_> {
             true => image,
             false => image.crop(rows.start, 0, rows.len(), image.width()),
         };
-        Ok(Band { correction: only(picture), share: only(share), halves: only(halves), sums })
+        Ok(Band { correction: only(picture), share: only(share), halves: only(halves), weight_of_mean, sums })
     }
 
     /// A share of the whole correction, strength included.
@@ -121,7 +127,7 @@ impl Composer<'_> {
         share
     }
 
-    /// Corrects what `rows` depend on: the mean over the networks, each on its own variant of z.
+    /// Corrects what `rows` depend on: the mean over the networks, each on its own variant of z, or the first's.
     fn corrections<S: ParameterSource + ?Sized>(
         &self,
         prepared: &Prepared,
@@ -131,16 +137,21 @@ impl Composer<'_> {
         let networks = prepared.networks();
         assert_eq!(networks, source.networks(), "a network for each variant of z");
         let weighed = prepared.plan.within_rows(self.weighed_rows(rows, prepared.height()));
-        let mut mean = self.corrections_of(0, prepared, source, rows, &weighed)?;
+        let first = self.corrections_of(0, prepared, source, rows, &weighed)?;
+        if prepared.variants.is_empty() {
+            return Ok(first);
+        }
+        let mut mean = first.clone();
         for k in 1..networks {
             let of_variant = self.corrections_of(k, prepared, source, rows, &weighed)?;
             mean.add(&of_variant);
         }
-        if networks > 1 {
-            mean.divide(networks);
-        }
-        if !prepared.variants.is_empty() {
-            mean.keep_denoised(prepared, &weighed);
+        mean.divide(networks);
+        mean.keep_denoised(prepared, &weighed);
+        if self.composition == Composition::JudgedFullBuffer {
+            let choice = choose(prepared, &first.halves, &mean.halves);
+            mean.mix(&first, &choice.mean);
+            mean.choice = Some(choice);
         }
         Ok(mean)
     }
@@ -180,7 +191,7 @@ impl Composer<'_> {
             }
         }
         let picture = full.unwrap_or_else(|| Image::mean_of(&halves[0], &halves[1]));
-        Ok(Corrections { halves, picture })
+        Ok(Corrections { halves, picture, choice: None })
     }
 
     /// The rows of the picture that `rows` of it depend on.
@@ -224,10 +235,13 @@ impl Composer<'_> {
 }
 
 /// A picture's corrections before they are weighed, `[3, H, W]` each; z where nothing was computed.
+#[derive(Clone)]
 struct Corrections {
     halves: [Image; 2],
     /// What the picture is made of.
     picture: Image,
+    /// How much of them is the mean over several networks.
+    choice: Option<Choice>,
 }
 
 impl Corrections {
@@ -248,6 +262,19 @@ impl Corrections {
         self.images()
             .into_iter()
             .for_each(|image| image.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v *= factor)));
+    }
+
+    /// Takes from these as much as `own` says, and the rest from `other`.
+    fn mix(&mut self, other: &Self, own: &Image) {
+        let others = [&other.halves[0], &other.halves[1], &other.picture];
+        for (image, other) in self.images().into_iter().zip(others) {
+            image.for_each_row(|c, y, row| {
+                for ((v, other), own) in row.iter_mut().zip(other.row(c, y)).zip(own.row(0, y)) {
+                    // All of the mean is the mean, bit for bit.
+                    *v = if *own == 1.0 { *v } else { other + own * (*v - other) };
+                }
+            });
+        }
     }
 
     /// Puts z where nothing was computed: the variants' differ from it.

@@ -29,6 +29,8 @@ pub const BYTES_PER_PIXEL: usize = 440;
 /// What each variant of z adds: three pictures, as read and in the method's units. The frame as one network sees it is
 /// a copy of half of [`BYTES_PER_PIXEL`] beside it.
 const BYTES_PER_VARIANT: usize = 2 * 3 * 3 * size_of::<f32>();
+/// What the choice between the first network and the mean of several adds: the first's corrections and what it is judged by.
+const BYTES_OF_CHOICE: usize = (3 * 3 + 7) * size_of::<f32>();
 /// Fewest rows of a band: below this the rows around it are most of the work.
 const LEAST_ROWS: usize = 64;
 
@@ -158,6 +160,8 @@ pub struct Corrected {
     pub mean_share: f64,
     /// Share of the pixels that were computed at all, 0..1.
     pub active_share: f64,
+    /// Mean weight of each network's correction; their sum is 1.
+    pub network_weights: Vec<f64>,
     /// Where the time went.
     pub seconds: StageSeconds,
 }
@@ -193,7 +197,7 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
     let mut maps =
         how.keep_maps.then(|| Maps { share: Image::zeros(1, height, width), halves: Image::zeros(3, height, width) });
     let mut seconds = StageSeconds::default();
-    let (mut sums, mut kept, mut active) = (FrameSums::default(), 0.0, 0.0);
+    let (mut sums, mut kept, mut active, mut of_mean) = (FrameSums::default(), 0.0, 0.0, 0.0);
     for rows in bands() {
         if stop() {
             return Err(CorrectError::Interrupted);
@@ -205,6 +209,7 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
         let band = composer.rows(&prepared, parameters, inner).map_err(CorrectError::Parameters)?;
         drop(prepared);
         kept += band.share.data().iter().map(|&s| f64::from(s)).sum::<f64>();
+        of_mean += band.weight_of_mean;
         sums.append(band.sums);
         picture.put_rows(rows.start, &ground.picture(exposure, Some(&band.correction)));
         if let Some(maps) = &mut maps {
@@ -231,12 +236,23 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
     }
     seconds.correct += begin.elapsed().as_secs_f64();
     let pixels = (height * width).max(1) as f64;
-    Ok(Corrected { picture, maps, verdict, mean_share: kept / pixels, active_share: active / pixels, seconds })
+    let (networks, of_mean) = (parameters.networks(), of_mean / pixels);
+    let weight = |k: usize| of_mean / networks as f64 + if k == 0 { 1.0 - of_mean } else { 0.0 };
+    Ok(Corrected {
+        picture,
+        maps,
+        verdict,
+        mean_share: kept / pixels,
+        active_share: active / pixels,
+        network_weights: (0..networks).map(weight).collect(),
+        seconds,
+    })
 }
 
 /// Rows of a band that fit the memory, beside the rows around it.
 fn band_rows(width: usize, around: usize, networks: usize) -> usize {
-    let of_variants = if networks > 1 { networks * BYTES_PER_VARIANT + BYTES_PER_PIXEL / 2 } else { 0 };
+    let of_variants =
+        if networks > 1 { networks * BYTES_PER_VARIANT + BYTES_OF_CHOICE + BYTES_PER_PIXEL / 2 } else { 0 };
     let rows = BAND_BYTES / ((BYTES_PER_PIXEL + of_variants) * width.max(1));
     rows.saturating_sub(2 * around).max(LEAST_ROWS)
 }

@@ -38,6 +38,7 @@ pub mod corrector;
 pub mod estimate;
 mod exposure;
 pub mod fill;
+mod first_or_mean;
 pub mod frame_stats;
 pub mod frame_sums;
 pub mod held_out;

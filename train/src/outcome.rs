@@ -24,6 +24,8 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Mean share of the correction that was used, as weights and strength have it, 0..1.
     pub mean_share: f64,
+    /// Mean weight of each network's correction; their sum is 1.
+    pub network_weights: Vec<f64>,
     /// Share of the correction that was used, 0..1, `[1, H, W]`, where it was asked for.
     pub share: Option<Image>,
     /// Against the reference, where there is one.
@@ -89,6 +91,7 @@ pub fn correct_frame(
         passes,
         verdict: corrected.verdict,
         mean_share: corrected.mean_share,
+        network_weights: corrected.network_weights,
         share,
         rel_l2,
     })

@@ -188,6 +188,8 @@ pub struct FitReport {
     pub fallback: Option<String>,
     /// Mean share of the correction that was used, as local judgement and strength have it, 0..1.
     pub mean_share: f64,
+    /// Mean weight of each network's correction; their sum is 1.
+    pub network_weights: Vec<f64>,
     /// Where the time went.
     pub seconds: FitSeconds,
     /// Milliseconds per training step.

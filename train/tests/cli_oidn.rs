@@ -137,7 +137,8 @@ fn a_dry_run_makes_nothing_and_strength_0_trains_nothing() {
         command.env("VIRTUAL_ENV", &environment);
         run(command)
     };
-    let expected = [("fast", "aux; high"), ("balanced", "aux,clean-aux; balanced"), ("quality", "aux,clean-aux,colour; high")];
+    let expected =
+        [("fast", "aux; high"), ("balanced", "aux,clean-aux; balanced"), ("quality", "aux,clean-aux,colour; high")];
     for (preset, made) in expected {
         let (code, message) = with_library(&["--dry-run", "--preset", preset]);
         assert!(code == Some(0) && message.contains(&format!("would be made ({made})")) && !out.exists(), "{message}");

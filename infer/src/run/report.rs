@@ -113,6 +113,8 @@ pub struct FrameReport {
     pub mean_share: f64,
     /// Share of the pixels that were computed; the others show no noise.
     pub active_share: f64,
+    /// Mean weight of each network's correction; their sum is 1.
+    pub network_weights: Vec<f64>,
     /// Instruction set of our kernels.
     pub instruction_set: &'static str,
     /// Threads of the run.
@@ -185,6 +187,7 @@ impl FrameReport {
             strength: shared.arguments.run.strength,
             mean_share: corrected.mean_share,
             active_share: corrected.active_share,
+            network_weights: corrected.network_weights.clone(),
             instruction_set: shared.isa.name(),
             threads: rayon::current_num_threads(),
             tile: shared.arguments.tile,
