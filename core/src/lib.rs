@@ -14,6 +14,7 @@
 //! | [`tiles`] | features to parameters, tile by tile |
 //! | [`corrector`] | parameters to g_c over a picture |
 //! | `blend_weight` | how much of a correction is kept, pixel by pixel |
+//! | [`first_or_mean`] | of several networks, the mean or the first |
 //! | `outlier_limit` | fireflies that only the full buffer has |
 //! | [`composition`] | what a picture is made of |
 //! | [`compose`] | corrected halves to the finished rows |
@@ -38,7 +39,7 @@ pub mod corrector;
 pub mod estimate;
 mod exposure;
 pub mod fill;
-mod first_or_mean;
+pub mod first_or_mean;
 pub mod frame_stats;
 pub mod frame_sums;
 pub mod held_out;

@@ -4,6 +4,7 @@
 use super::ops::Ops;
 use super::prepare::Named;
 use sspc_core::blend_weight::{LARGEST_RESIDUAL, LARGEST_SHARE, WEIGHT_RADIUS};
+use sspc_core::first_or_mean::MEAN_COUNTS;
 use sspc_core::objective::RELATIVE_FLOOR;
 use sspc_core::outlier_limit::{
     CLOSE_RADIUS, LEAST_APART, LEAST_SHARE, LIMIT_RADIUS, RING, TIMES_APART, TIMES_AROUND, TIMES_CLOSE,
@@ -25,23 +26,73 @@ pub(super) fn relative_weight(g: &mut Ops, picture: &str) -> String {
 
 /// The share of the correction that both halves' judgement of each other keeps, `[1, 1, H, W]` (13).
 pub(super) fn share(g: &mut Ops, halves: &str, targets: &str) -> String {
-    let of_all = relative_weight(g, Named::Z);
-    let weight = g.mul(&of_all, Named::VALID);
-    let (d, r) = (g.sub(halves, Named::Z), g.sub(targets, Named::Z));
-    let (weighed, nothing) = (g.mul(&d, &weight), g.float(0.0));
-    let squared = g.reduce("ReduceSumSquare", &r, &[1]);
-    let squared = g.mul(&squared, &weight);
-    let (length, most) = (g.sqrt(&squared), g.float(LARGEST_RESIDUAL));
-    let length = g.max(&length, &most);
-    let limit = g.div(&most, &length);
-    let r = g.mul(&r, &limit);
-    let [agreement, size] = [&r, &d].map(|by| {
-        let product = g.mul(&weighed, by);
+    let judge = Judge::new(g, targets);
+    let d = g.sub(halves, Named::Z);
+    let [agreement, size] = [&judge.residual, &d].map(|by| judge.around(g, &d, by));
+    best_share(g, &agreement, &size)
+}
+
+/// Weight of the mean over several networks against the first one's correction, and the share of what is made of both
+/// (`sspc_core::first_or_mean`).
+pub(super) fn choice(g: &mut Ops, first: &str, mean: &str, targets: &str) -> [String; 2] {
+    let judge = Judge::new(g, targets);
+    let [first, mean] = [first, mean].map(|halves| g.sub(halves, Named::Z));
+    let both = judge.around(g, &first, &mean);
+    let [of_first, of_mean] = [&first, &mean].map(|d| {
+        let [agreement, size] = [&judge.residual, d].map(|by| judge.around(g, d, by));
+        let share = best_share(g, &agreement, &size);
+        let (lost, twice) = (g.mul(&share, &size), g.times(&agreement, 2.0));
+        let left = g.sub(&twice, &lost);
+        (agreement, size, g.mul(&share, &left))
+    });
+    let (none, whole) = MEAN_COUNTS;
+    let ratio = g.div(&of_mean.2, &of_first.2);
+    let above = g.add_to(&ratio, -none);
+    let part = g.times(&above, 1.0 / (whole - none));
+    let part = g.clip(&part, 0.0, 1.0);
+    let enough = g.times(&of_first.2, whole);
+    let (less, one) = (g.greater(&enough, &of_mean.2), g.float(1.0));
+    let t = g.choose(&less, &part, &one);
+    let agreement = g.mix(&of_first.0, &of_mean.0, &t);
+    // (1 - t)² d² of the first + 2 t (1 - t) of both + t² of the mean, nested.
+    let (to_both, to_mean) = (g.mix(&of_first.1, &both, &t), g.mix(&both, &of_mean.1, &t));
+    let size = g.mix(&to_both, &to_mean, &t);
+    [best_share(g, &agreement, &size), t]
+}
+
+/// What corrections are judged by: the loss's weight and the other half's residual, limited.
+struct Judge {
+    weight: String,
+    residual: String,
+}
+
+impl Judge {
+    fn new(g: &mut Ops, targets: &str) -> Self {
+        let of_all = relative_weight(g, Named::Z);
+        let weight = g.mul(&of_all, Named::VALID);
+        let r = g.sub(targets, Named::Z);
+        let squared = g.reduce("ReduceSumSquare", &r, &[1]);
+        let squared = g.mul(&squared, &weight);
+        let (length, most) = (g.sqrt(&squared), g.float(LARGEST_RESIDUAL));
+        let length = g.max(&length, &most);
+        let limit = g.div(&most, &length);
+        let residual = g.mul(&r, &limit);
+        Self { weight, residual }
+    }
+
+    /// Σ w p·q over both halves and the neighbourhood.
+    fn around(&self, g: &mut Ops, p: &str, q: &str) -> String {
+        let weighed = g.mul(p, &self.weight);
+        let product = g.mul(&weighed, q);
         let sum = g.sum_over(&product, &[0, 1]);
         let once = g.box_mean(&sum, WEIGHT_RADIUS as i64);
         g.box_mean(&once, WEIGHT_RADIUS as i64)
-    });
-    let (ratio, there) = (g.div(&agreement, &size), g.greater(&size, &nothing));
+    }
+}
+
+fn best_share(g: &mut Ops, agreement: &str, size: &str) -> String {
+    let nothing = g.float(0.0);
+    let (ratio, there) = (g.div(agreement, size), g.greater(size, &nothing));
     let share = g.clip(&ratio, 0.0, LARGEST_SHARE);
     g.choose(&there, &share, &nothing)
 }

@@ -41,15 +41,22 @@ pub fn write_picture(model: &Model) -> Vec<u8> {
         add_apart(g.graph.graph_mut(), correct::of_network(model, k), &prefix(k), &shared);
     }
     let halves = mean_over_networks(&mut g, model, correct::HALVES, Named::Z);
-    let (share, full, targets) = if judged {
+    let (halves, share, full, targets) = if judged {
         let full = mean_over_networks(&mut g, model, correct::FULL, Named::FULL_Z);
         let targets = blend::targets(&mut g);
-        let share = blend::share(&mut g, &halves, &targets);
+        let (halves, full, share) = match model.contract.networks {
+            1 => {
+                let share = blend::share(&mut g, &halves, &targets);
+                (halves, full, share)
+            }
+            _ => mean_or_first(&mut g, &halves, &full, &targets),
+        };
         let [share, full] = blend::limited(&mut g, &halves, &full, &share);
-        (share, full, targets)
+        (halves, share, full, targets)
     } else {
         let none = g.times(Named::VALID, 0.0);
-        (g.add_to(&none, 1.0), g.reduce("ReduceMean", &halves, &[0]), String::new())
+        let (share, full) = (g.add_to(&none, 1.0), g.reduce("ReduceMean", &halves, &[0]));
+        (halves, share, full, String::new())
     };
     let share = g.mul(&share, "strength");
     let (away, used) = (g.sub(&full, Named::FULL_Z), g.mul(&share, Named::VALID));
@@ -88,4 +95,12 @@ fn mean_over_networks(g: &mut Ops, model: &Model, name: &str, z: &str) -> String
     }
     let mean = if networks > 1 { g.times(&sum, 1.0 / networks as f32) } else { sum };
     g.choose(Named::ACTIVE, &mean, z)
+}
+
+/// Halves and full buffer of the mean over the networks, or of the first where that is judged better, and their share.
+fn mean_or_first(g: &mut Ops, halves: &str, full: &str, targets: &str) -> (String, String, String) {
+    let first = g.choose(Named::ACTIVE, correct::HALVES, Named::Z);
+    let first_full = g.choose(Named::ACTIVE, correct::FULL, Named::FULL_Z);
+    let [share, weight] = blend::choice(g, &first, halves, targets);
+    (g.mix(&first, halves, &weight), g.mix(&first_full, full, &weight), share)
 }
