@@ -92,7 +92,7 @@ fn a_library_that_fails_leaves_nothing_behind() {
     let cases = [
         ("OLD_VERSION", 3, "expected Open Image Denoise 2.0 or later, found 1.99.1"),
         ("BAD_DEVICE", 3, "cannot start: no thread could be started"),
-        ("HALF_WAY", 4, "Open Image Denoise 2.3.0 failed on 256x192 pixels (aux, high): out of memory"),
+        ("HALF_WAY", 4, "Open Image Denoise 2.3.0 failed on 256x192 pixels (aux, balanced): out of memory"),
         ("NOT_FINITE", 4, "returned 2 values of 256x192 pixels that are not finite"),
     ];
     for (fault, code, words) in cases {
