@@ -43,8 +43,8 @@ const LOADER_NAMES: &[&str] = if cfg!(windows) {
     &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
 };
 
-/// Folders under an installation that may hold the library.
-const LIBRARY_FOLDERS: &[&str] = &["", "lib", "lib64", "bin"];
+/// Folders under an installation, or under the package of pyoidn, that may hold the library.
+const LIBRARY_FOLDERS: &[&str] = &["", "lib", "lib64", "bin", "oidn/lib", "oidn/bin"];
 
 /// Folders under site-packages that hold it: of PyPI's pyoidn, and of Blender as a module.
 const IN_SITE_PACKAGES: &[&str] = &["pyoidn/oidn/lib", "pyoidn/oidn/bin", "bpy/lib", "bpy"];
@@ -230,9 +230,12 @@ mod tests {
             let surroundings = Surroundings { named, oidn_dir, ..Surroundings::default() };
             assert_eq!(surroundings.candidates(), Ok(vec![Candidate::File(library.clone())]));
         }
-        let oidn_dir = Some(root.path().join("other"));
-        let surroundings = Surroundings { oidn_dir, home: Some(root.path().into()), ..Surroundings::default() };
-        assert_eq!(surroundings.candidates(), Ok(vec![Candidate::File(other)]));
+        let of_package = file(root.path(), "pyoidn/oidn/lib/libOpenImageDenoise.so.2");
+        for (folder, library) in [("other", other), ("pyoidn", of_package)] {
+            let oidn_dir = Some(root.path().join(folder));
+            let surroundings = Surroundings { oidn_dir, home: Some(root.path().into()), ..Surroundings::default() };
+            assert_eq!(surroundings.candidates(), Ok(vec![Candidate::File(library)]));
+        }
     }
 
     #[test]
