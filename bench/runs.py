@@ -126,6 +126,8 @@ def fit(job, programs, folder, environment, limit):
 def of_report(report):
     """What a record keeps of report.json: all but the paths, and the loss at every tenth of the steps only."""
     kept = {key: value for key, value in report.items() if key not in ("roles", "history", "rel_l2")}
+    if kept.get("denoiser"):
+        kept["denoiser"] = kept["denoiser"] | {"library": Path(kept["denoiser"]["library"]).name}
     history = report.get("history", [])
     every = max(len(history) // 10, 1)
     kept["loss_every_tenth"] = [[step["step"], step["loss"]] for step in history[every - 1 :: every]]
