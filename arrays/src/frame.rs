@@ -3,7 +3,7 @@
 use sspc_cli::reading::InspectedFrame;
 use sspc_cli::{Code, Failure};
 use sspc_core::frame_stats::Exposure;
-use sspc_image::{Buffer, DenoisedVariant, Frame, HalfBuffer, Image, Role, RoleSource};
+use sspc_image::{Buffer, DenoisedVariant, Frame, HalfBuffer, HalfWeights, Image, Role, RoleSource};
 use std::collections::BTreeMap;
 
 /// What interfaces and messages call the picture of a role: `a`, `denoised_b`, `denoised`.
@@ -88,7 +88,8 @@ impl GivenFrame {
             let first = [&a.denoised, &b.denoised].map(Image::clone);
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
-        Ok(Frame { a, b, denoised, variants })
+        // Arrays come without a word on their samples.
+        Ok(Frame { a, b, denoised, variants, weights: HalfWeights::EQUAL })
     }
 
     fn half(&mut self, half: Buffer) -> Result<HalfBuffer, Failure> {

@@ -5,11 +5,12 @@ use crate::failure::{Code, Failure};
 use crate::frame_args::FrameJob;
 use crate::interrupt;
 use crate::output::{Output, role_line};
+use crate::record::samples_line;
 use clap::Args;
 use serde::Serialize;
 use sspc_frames::open::NoisyHalf;
 use sspc_frames::{Made, MadeVariant, OpenFrame, OpenPasses, RoleOverrides};
-use sspc_image::{Buffer, CompactImage, Image, Role};
+use sspc_image::{Buffer, CompactImage, HalfWeights, Image, Role};
 use sspc_oidn::buffers::mean_of_finite;
 use sspc_oidn::{Mode, Oidn, OidnError, Picture, Quality, Rows, Run};
 use std::cell::OnceCell;
@@ -225,6 +226,7 @@ impl<'a> Denoising<'a> {
         let Some(line) = self.describe(&open)? else { return Ok(false) };
         output.say(&format!("{}: {} x {} pixels", job.name(), open.width(), open.height()));
         open.sources().iter().for_each(|source| output.say(&role_line(source)));
+        output.say(&samples_line(open.samples()));
         output.say(&line);
         open.notes().iter().for_each(|note| output.say(&format!("  note: {note}")));
         output.say(&format!("  the picture replaces {}", open.output()?.channels().join(", ")));
@@ -296,7 +298,7 @@ fn names(modes: &[Mode]) -> String {
     modes.iter().map(|mode| mode.name()).collect::<Vec<_>>().join(",")
 }
 
-/// Reads what the denoiser is given of a buffer; the full buffer is the mean of both halves.
+/// Reads what the denoiser is given of a buffer; the full buffer is the mean of both halves by their weights.
 fn read(open: &OpenFrame, buffer: Buffer) -> Result<Picture, Failure> {
     let (height, width) = (open.height(), open.width());
     let has = |role| open.has(role, Buffer::A);
@@ -307,7 +309,7 @@ fn read(open: &OpenFrame, buffer: Buffer) -> Result<Picture, Failure> {
         let half = match buffer {
             Buffer::A => a,
             Buffer::B => b,
-            Buffer::Full => mean(&a, &b),
+            Buffer::Full => mean(&a, &b, open.weights()),
         };
         let NoisyHalf { radiance, albedo, normal } = &half;
         picture.put_rows(top, &Rows { colour: radiance, albedo: albedo.as_ref(), normal: normal.as_ref() });
@@ -325,10 +327,10 @@ fn read_pass(open: &OpenFrame, passes: &OpenPasses, k: usize) -> Result<Option<P
         interrupt::check()?;
         let rows = top..(top + ROWS).min(height);
         let [a, b] = open.noisy_rows(rows.clone())?;
-        let NoisyHalf { albedo, normal, .. } = mean(&a, &b);
+        let NoisyHalf { albedo, normal, .. } = mean(&a, &b, open.weights());
         let [a, b] = passes.rows_of(k, rows)?;
         is_still &= a.data().iter().zip(b.data()).all(|(a, b)| a.to_bits() == b.to_bits());
-        let colour = mean_of_finite(&a, &b);
+        let colour = mean_of_finite(&a, &b, open.weights());
         for value in colour.data().iter().filter(|value| value.is_finite()) {
             sum += f64::from(*value);
             size += f64::from(value.abs());
@@ -338,7 +340,8 @@ fn read_pass(open: &OpenFrame, passes: &OpenPasses, k: usize) -> Result<Option<P
     Ok((!is_still && sum >= POSITIVE * size).then_some(picture))
 }
 
-fn mean(a: &NoisyHalf, b: &NoisyHalf) -> NoisyHalf {
+fn mean(a: &NoisyHalf, b: &NoisyHalf, weights: HalfWeights) -> NoisyHalf {
+    let mean_of_finite = |a: &Image, b: &Image| mean_of_finite(a, b, weights);
     let of = |a: &Option<Image>, b: &Option<Image>| a.as_ref().zip(b.as_ref()).map(|(a, b)| mean_of_finite(a, b));
     NoisyHalf {
         radiance: mean_of_finite(&a.radiance, &b.radiance),

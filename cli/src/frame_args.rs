@@ -5,6 +5,7 @@ use crate::failure::{Code, Failure};
 use crate::passes::PassArgs;
 use clap::Args;
 use sspc_frames::resolve::views;
+use sspc_frames::samples::{MOST_SAMPLES, implausible};
 use sspc_frames::sequence::{Frames, Pattern};
 use sspc_frames::{DenoisedFile, FrameFiles, MoreDenoised, RoleOverrides};
 use std::ffi::OsString;
@@ -66,6 +67,14 @@ pub struct FrameArgs {
     /// The denoiser's output on the full buffer: what the correction is added to (a pattern for a shot)
     #[arg(long, value_name = "EXR")]
     pub denoised: Option<PathBuf>,
+
+    /// Samples per pixel of half a, which weigh it in means of both [default: what the files say, else as many as half b]
+    #[arg(long, value_name = "N", requires = "samples_b", value_parser = samples())]
+    pub samples_a: Option<u32>,
+
+    /// Samples per pixel of half b
+    #[arg(long, value_name = "N", requires = "samples_a", value_parser = samples())]
+    pub samples_b: Option<u32>,
 
     /// A further denoiser's output on half a, half b and the full buffer: one more picture to correct from. Each is
     /// FILE.exr or FILE.exr:LAYER (patterns for a shot). Repeatable
@@ -142,15 +151,26 @@ impl FrameArgs {
     /// # Errors
     /// Arguments that make no sense together, patterns without a place for the frame number.
     pub fn jobs(&self, reference: Option<&Path>) -> Result<Vec<FrameJob>, Failure> {
+        let samples = self.samples()?;
         match (&self.a, &self.frames) {
             (Some(a), Some(frames)) => self.shot(Path::new(a), frames, reference),
             // clap lets these pass where another way to name the frame was taken.
             (None, Some(_)) => Err(nonsense("--frames belongs to a shot", "name the shot's files with --a and --b")),
             (None, None) if self.b.is_some() => Err(nonsense("--b belongs to a shot", "add --a and --frames")),
             _ => {
-                let files = self.single()?.with_reference(reference.map(Path::to_path_buf));
+                let files = self.single()?.with_samples(samples).with_reference(reference.map(Path::to_path_buf));
                 Ok(vec![FrameJob { number: None, files }])
             }
+        }
+    }
+
+    /// The samples of both halves, where they are named.
+    fn samples(&self) -> Result<Option<[u32; 2]>, Failure> {
+        let Some(samples) = self.samples_a.zip(self.samples_b).map(|(a, b)| [a, b]) else { return Ok(None) };
+        let advice = "give the samples per pixel that each half was rendered with";
+        match implausible(samples.map(f64::from)) {
+            None => Ok(Some(samples)),
+            Some(why) => Err(nonsense(&format!("--samples-a and --samples-b: {why}"), advice)),
         }
     }
 
@@ -199,7 +219,7 @@ impl FrameArgs {
             optional(reference)?,
         ];
         let more = self.denoised_more.iter().map(MorePatterns::of).collect::<Result<Vec<_>, _>>()?;
-        Ok(ShotFiles { a, b, denoised_a, denoised_b, denoised, more, reference })
+        Ok(ShotFiles { a, b, denoised_a, denoised_b, denoised, more, reference, samples: self.samples()? })
     }
 }
 
@@ -213,6 +233,7 @@ pub struct ShotFiles {
     denoised: Option<Pattern>,
     more: Vec<MorePatterns>,
     reference: Option<Pattern>,
+    samples: Option<[u32; 2]>,
 }
 
 impl ShotFiles {
@@ -225,7 +246,7 @@ impl ShotFiles {
         };
         let files = halves.with_denoised(at(&self.denoised_a), at(&self.denoised_b), at(&self.denoised));
         let files = files.with_more_denoised(self.more.iter().map(|more| more.at(number)).collect());
-        files.with_reference(at(&self.reference))
+        files.with_samples(self.samples).with_reference(at(&self.reference))
     }
 }
 
@@ -237,6 +258,10 @@ fn extra_frames(text: &str) -> Result<usize, String> {
         Ok(number) if number <= MOST_EXTRA_FRAMES => Ok(number),
         _ => Err(format!("expected a whole number from 0 to {MOST_EXTRA_FRAMES}")),
     }
+}
+
+fn samples() -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(1..=i64::from(MOST_SAMPLES))
 }
 
 /// Further denoised pictures of a shot.

@@ -7,6 +7,7 @@ use sspc_core::same_scene::{DifferentPlaces, SceneComparison};
 use sspc_frames::OpenFrame;
 use sspc_frames::checks::Inspection;
 use sspc_frames::error::Error;
+use sspc_frames::samples::HalfSamples;
 use sspc_image::{DenoisedVariant, Frame, FrameRows, RoleSource};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -144,6 +145,8 @@ pub struct ReadFrame {
     pub stats: FrameStats,
     /// Which channels fill which role.
     pub roles: Vec<RoleSource>,
+    /// The samples of each half.
+    pub samples: HalfSamples,
     /// What a person should know.
     pub warnings: Vec<String>,
     /// Where the halves show different things: left to the denoiser.
@@ -173,9 +176,11 @@ impl ReadFrame {
     /// # Errors
     /// Halves that cannot be used.
     pub fn of_frame(open: &OpenFrame, frame: Frame, exposure: Exposure) -> Result<Self, Error> {
-        let InspectedFrame { frame, stats, warnings, different } =
+        let InspectedFrame { frame, stats, mut warnings, different } =
             InspectedFrame::of(frame, exposure, |inspection| open.warnings(inspection))?;
-        Ok(Self { source: Source::Held(Box::new(frame)), stats, roles: open.sources(), warnings, different })
+        warnings.extend(stats.note_on_samples(open.samples().counts.is_some()));
+        let (source, roles, samples) = (Source::Held(Box::new(frame)), open.sources(), open.samples().clone());
+        Ok(Self { source, stats, roles, samples, warnings, different })
     }
 
     /// The same for a frame of any size: what is looked over is forgotten.
@@ -204,7 +209,7 @@ impl ReadFrame {
         })?;
         let mut warnings = open.warnings(&inspection)?;
         let different = comparison.finish();
-        let roles = open.sources();
+        let (roles, samples) = (open.sources(), open.samples().clone());
         let source = Source::Files(Box::new(open), different.clone(), Vec::new());
         if let Some(places) = &different {
             stats = FrameStats::of_bands(height * width, exposure, |look| {
@@ -217,6 +222,7 @@ impl ReadFrame {
         }
         warnings.extend(stats.found.notes());
         warnings.extend(stats.trust().warning());
-        Ok(Self { source, stats, roles, warnings, different })
+        warnings.extend(stats.note_on_samples(samples.counts.is_some()));
+        Ok(Self { source, stats, roles, samples, warnings, different })
     }
 }

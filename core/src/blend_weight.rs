@@ -8,6 +8,10 @@
 //! share made of pixels that were not trained on is not, but with it every picture came out worse (by up to 0.11 of the
 //! denoiser's error): the share is applied to the full buffer's correction, which is less noisy than that of the halves
 //! and deserves more. The two errors cancel.
+//!
+//! Halves of different samples count alike here, and in the loss. With 32 + 8 and 48 + 4 samples of four scenes, evidence by the
+//! inverse variance of the y compared with cost up to 3 % of the error, since the half of fewer samples has corrections unlike
+//! those of the full buffer; by the samples of the half corrected it was within 2 % of this, either way.
 
 use crate::box_mean::box_mean;
 use crate::held_out::blind;
@@ -110,6 +114,7 @@ mod tests {
     use super::*;
     use crate::plan::Plan;
     use crate::prepare::Findings;
+    use sspc_image::HalfWeights;
     use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
     use std::sync::Arc;
 
@@ -128,6 +133,7 @@ mod tests {
             set: FeatureSet::NONE,
             plan: Plan::everything(height, width),
             variants: Vec::new(),
+            weights: HalfWeights::EQUAL,
             found: Findings::default(),
         }
     }

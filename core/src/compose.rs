@@ -37,8 +37,8 @@ pub struct Band {
     pub correction: Image,
     /// Share of the correction that was used, strength included, 0..1, `[1, rows, W]`.
     pub share: Image,
-    /// Mean of both halves, corrected as far as they judge each other, in the method's units, `[3, rows, W]`: the
-    /// picture that the estimate is of.
+    /// Mean of both halves by their weights, corrected as far as they judge each other, in the method's units,
+    /// `[3, rows, W]`: the picture that the estimate is of.
     pub halves: Image,
     /// Σ over the band's pixels of the weight of the mean over several networks; the first has the rest.
     pub weight_of_mean: f64,
@@ -187,10 +187,10 @@ impl Composer<'_> {
                 }
             }
             if let (Some(full), [a, b]) = (&mut full, &of_full[..]) {
-                full.put_rows(top, &Image::mean_of(a, b));
+                full.put_rows(top, &prepared.weights.mean_of(a, b));
             }
         }
-        let picture = full.unwrap_or_else(|| Image::mean_of(&halves[0], &halves[1]));
+        let picture = full.unwrap_or_else(|| prepared.weights.mean_of(&halves[0], &halves[1]));
         Ok(Corrections { halves, picture, choice: None })
     }
 
@@ -309,7 +309,7 @@ fn blend(prepared: &Prepared, a: &mut Image, b: &Image, share: &Image) {
         let (b, share) = (b.row(k, y), share.row(0, y));
         let blended = |z: f32, corrected: f32, share: f32| (z + share * (corrected - z)).max(0.0);
         for (x, a) in row.iter_mut().enumerate() {
-            *a = 0.5 * blended(z_a[x], *a, share[x]) + 0.5 * blended(z_b[x], b[x], share[x]);
+            *a = prepared.weights.mean(blended(z_a[x], *a, share[x]), blended(z_b[x], b[x], share[x]));
         }
     });
 }

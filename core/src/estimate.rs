@@ -5,6 +5,10 @@
 //! halves' estimates give that of their mean through
 //! ‖½(p + q) - μ‖² = ½‖p - μ‖² + ½‖q - μ‖² - ¼‖p - q‖².
 //!
+//! With weights w, ‖w_a p + w_b q - μ‖² = w_a‖p - μ‖² + w_b‖q - μ‖² - w_a w_b‖p - q‖², and by how much the first two differ,
+//! E\[‖p‖² - 2p·y^b - ‖q‖² + 2q·y^a\] says without any variance. (Variances by the samples, w_b and w_a of
+//! E‖y^a - y^b‖², are unbiased too, and were useless under fireflies: they lie in one half or the other.)
+//!
 //! That is the error of the **mean of both halves**. The picture that is delivered starts from the full buffer's z and
 //! has 0.63 to 1.02 times that error: no unbiased estimate of its own is known, since it is made of all samples.
 //!
@@ -189,6 +193,7 @@ mod tests {
     use crate::plan::Plan;
     use crate::prepare::Findings;
     use crate::rng::Rng;
+    use sspc_image::HalfWeights;
     use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
 
     /// Share of a half's noise that its z keeps.
@@ -220,7 +225,43 @@ mod tests {
         let plan = Plan::everything(height, width);
         let halves = halves.map(std::sync::Arc::new);
         let (set, found) = (FeatureSet::NONE, Findings::default());
-        (Prepared { exposure: 1.0, halves, denoised, valid: None, set, variants: Vec::new(), plan, found }, z, expected)
+        let (variants, weights) = (Vec::new(), HalfWeights::EQUAL);
+        (Prepared { exposure: 1.0, halves, denoised, valid: None, set, variants, weights, plan, found }, z, expected)
+    }
+
+    /// Half a of 4 samples, half b of 1: exponential noise each, and z that keeps a share of it.
+    fn unequal(rng: &mut Rng) -> (Prepared, [Image; 2], f64) {
+        let (mut prepared, ..) = heavy_noise();
+        prepared.weights = HalfWeights::of_samples([4.0, 1.0]);
+        for (h, samples) in [(0, 4), (1, 1)] {
+            let half = std::sync::Arc::make_mut(&mut prepared.halves[h]);
+            for (k, i) in (0..3).flat_map(|k| (0..half.pixels()).map(move |i| (k, i))).collect::<Vec<_>>() {
+                let mut sample = || -TRUTH * (1.0 - rng.uniform()).max(1e-7).ln();
+                let y = (0..samples).map(|_| sample()).sum::<f32>() / samples as f32;
+                half.plane_mut(RADIANCE + k)[i] = y;
+                half.plane_mut(DENOISED + k)[i] = TRUTH + KEPT * (y - TRUTH);
+            }
+        }
+        let z = [0, 1].map(|h| crate::objective::triple(&prepared.halves[h], DENOISED));
+        prepared.denoised = prepared.weights.mean_of(&z[0], &z[1]);
+        let squared = prepared.denoised.data().iter().map(|v| f64::from(v - TRUTH).powi(2)).sum::<f64>();
+        let expected = squared / prepared.denoised.data().len() as f64 / f64::from(TRUTH * TRUTH + RELATIVE_FLOOR);
+        (prepared, z, expected)
+    }
+
+    /// Equal weights would give the error of another mean, 1.6 times as large; one standard error is 0.07.
+    #[test]
+    fn the_estimate_of_unequal_halves_is_that_of_their_weighted_mean() {
+        let rng = &mut Rng::new(4);
+        let ratio = |_| {
+            let (prepared, z, expected) = unequal(rng);
+            let exact = Image::from_rows(3, prepared.height(), prepared.width(), |k, y, row| {
+                row.iter_mut().zip(prepared.denoised.row(k, y)).for_each(|(c, z)| *c = TRUTH - z);
+            });
+            sums(&prepared, &z, &exact).error_corrected.mean().value / expected
+        };
+        let mean = (0..8).map(ratio).sum::<f64>() / 8.0;
+        assert!((mean - 1.0).abs() < 0.2, "estimated over true: {mean}");
     }
 
     /// Sums over a picture that adds `correction`, of halves corrected wholly.

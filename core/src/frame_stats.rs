@@ -3,6 +3,7 @@
 
 use crate::exposure::{self, NoisyPixel};
 use crate::independence::{Independence, IndependenceCollector};
+use crate::trust::{SAMPLES_DIFFER, Trust};
 use rayon::prelude::*;
 use sspc_image::{Frame, Image, Role};
 use sspc_kernels::features::FeatureSet;
@@ -100,6 +101,18 @@ impl FrameStats {
             bands(&mut |band| collector.look(band))?;
         }
         Ok(collector.finish())
+    }
+
+    /// What to do where the noise of halves whose samples nobody names differs as if they had not equally many.
+    pub fn note_on_samples(&self, are_known: bool) -> Option<String> {
+        let ratio = 1.0 / self.independence.noise_ratio;
+        let differs = ratio.max(1.0 / ratio) >= SAMPLES_DIFFER && self.trust() == Trust::Independent;
+        (differs && !are_known).then(|| {
+            format!(
+                "by their noise half a has about {ratio:.1} times the samples of half b, and they are taken as equal: name them with \
+                 --samples-a and --samples-b"
+            )
+        })
     }
 
     /// The same with only those features that a model was `fitted` with: weights of others were

@@ -3,7 +3,8 @@
 //! **Loss** (Eq. 9): Σ ½ w^h ‖x^h - y‖² over both halves, y the other half's, w^h by the own half's z
 //! ([`crate::objective::own_weight`]); **gain**, the difference of two losses.
 //!
-//! **Error** of the mean of both halves: ½ Σ_h ‖x^h - y‖² - σ² - ¼ ‖x^a - x^b‖² over a squared brightness. Finished and
+//! **Error** of the mean of both halves: ½ Σ_h ‖x^h - y‖² - σ² + (w_a - ½) Δ - w_a w_b ‖x^a - x^b‖² over a squared brightness,
+//! with the halves' weights w and Δ = x^a·(x^a - 2 y^b) - x^b·(x^b - 2 y^a). Finished and
 //! denoised picture stand in for the reference there: they are made of both halves alike. Under a weight made of the half
 //! compared with, whose z is large where its noise is, the squares of that half's noise weigh less than the variance that
 //! is to cancel them, and the estimate falls below 0 in noisy frames; under a symmetric one squares and variance weigh
@@ -166,6 +167,8 @@ struct Pixels<'a> {
     denoised: [&'a [f32]; 3],
     correction: [&'a [f32]; 3],
     valid: Option<&'a [f32]>,
+    /// Of the halves, in means of both.
+    weights: [f64; 2],
     /// 0.01 of relL2 in the method's units.
     floor: f64,
 }
@@ -187,6 +190,7 @@ impl<'a> Pixels<'a> {
             denoised: channels(&prepared.denoised, 0),
             correction: channels(correction, 0),
             valid: prepared.valid.as_ref().map(|valid| valid.row(0, y)),
+            weights: [0, 1].map(|h| f64::from(prepared.weights.of(h))),
             floor: f64::from(RELATIVE_FLOOR * prepared.exposure * prepared.exposure),
         }
     }
@@ -230,7 +234,8 @@ impl<'a> Pixels<'a> {
             squared[0] += 0.5 * of_z;
             squared[1] += 0.5 * of_blended;
         }
-        let (mut variance, mut apart) = (0.0, [0.0; 2]);
+        let [w_a, w_b] = self.weights;
+        let (mut variance, mut apart, mut differ) = (0.0, [0.0; 2], [0.0; 2]);
         let (mut finished, mut denoised) = (0.0, 0.0);
         let [a, b] = blended;
         for (k, (a, b)) in a.into_iter().zip(b).enumerate() {
@@ -238,11 +243,16 @@ impl<'a> Pixels<'a> {
             variance += 0.5 * square(self.radiance[0][k][x], self.radiance[1][k][x]);
             apart[0] += square(self.z[0][k][x], self.z[1][k][x]);
             apart[1] += square(a, b);
+            // ‖x - y‖² less ‖y‖² of half a, less the same of half b.
+            let alone = |x: f32, y: f32| f64::from(x) * (f64::from(x) - 2.0 * f64::from(y));
+            let y = [0, 1].map(|h| self.radiance[h][k][x]);
+            differ[0] += alone(self.z[0][k][x], y[1]) - alone(self.z[1][k][x], y[0]);
+            differ[1] += alone(a, y[1]) - alone(b, y[0]);
             finished += f64::from((self.denoised[k][x] + self.correction[k][x]).max(0.0));
             denoised += f64::from(self.denoised[k][x]);
         }
         let [finished, denoised] = [finished, denoised].map(|sum| (sum / 3.0) * (sum / 3.0) + self.floor);
-        let error = |i: usize| squared[i] - variance - 0.25 * apart[i];
+        let error = |i: usize| squared[i] - variance + (w_a - 0.5) * differ[i] - w_a * w_b * apart[i];
         let [of_z, of_blended] = [error(0), error(1)];
         let [loss_z, loss_blended, loss_corrected, gain] = losses;
         [

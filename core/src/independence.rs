@@ -16,7 +16,7 @@ use crate::estimate::BLOCK;
 use crate::shared_noise::SharedNoise;
 use rayon::prelude::*;
 use serde::Serialize;
-use sspc_image::{Frame, Image};
+use sspc_image::{Frame, HalfWeights, Image};
 use std::fmt;
 
 /// Blocks with noise that a statement needs.
@@ -49,6 +49,8 @@ pub struct Independence {
     pub median: f64,
     /// Energy of y - z of half a over that of half b, the median over blocks: about the inverse of their samples.
     pub noise_ratio: f64,
+    /// That inverse, where the samples are known, else 1.
+    pub expected_noise_ratio: f64,
     /// Brightness of z of half a over that of half b for R, G, B, the median over blocks.
     pub brightness: [f64; 3],
     /// Where the halves' albedo and normal have their edges; None without enough of them.
@@ -75,6 +77,7 @@ impl Default for Independence {
             textured: false,
             median: 0.0,
             noise_ratio: 1.0,
+            expected_noise_ratio: 1.0,
             brightness: [1.0; 3],
             alignment: None,
             map: [[None; MAP_SIDE]; MAP_SIDE],
@@ -121,12 +124,14 @@ pub struct IndependenceCollector {
     columns: usize,
     blocks: Vec<BlockSums>,
     sample: BlockSample,
+    weights: HalfWeights,
 }
 
 impl IndependenceCollector {
     /// One that has looked at nothing of a picture of that many pixels.
     pub fn new(pixels: usize) -> Self {
-        Self { rows: 0, columns: 0, blocks: Vec::new(), sample: BlockSample::new(pixels) }
+        let (sample, weights) = (BlockSample::new(pixels), HalfWeights::EQUAL);
+        Self { rows: 0, columns: 0, blocks: Vec::new(), sample, weights }
     }
 
     /// Looks at the next rows; `valid` `[1, H, W]` is 0 at missing pixels.
@@ -142,6 +147,7 @@ impl IndependenceCollector {
         }
         self.rows += band.height();
         self.sample.look(band, valid);
+        self.weights = band.weights;
     }
 
     /// What the rows say.
@@ -164,6 +170,7 @@ impl IndependenceCollector {
             textured: quartile - twentieth > TEXTURED,
             median: correlations.at(0.5),
             noise_ratio: median_ratio(&|block| ratio(block.residuals[0], block.residuals[1])),
+            expected_noise_ratio: f64::from(self.weights.of(1)) / f64::from(self.weights.of(0)),
             brightness: [0, 1, 2].map(|k| median_ratio(&|block| ratio(block.colour[0][k], block.colour[1][k]))),
             alignment: Alignment::of(&self.sample.blocks(|_| true)),
             map: self.map(&noisy),
@@ -284,7 +291,7 @@ pub(crate) mod tests {
             visibility: None,
         };
         let [a, b] = y.map(half);
-        Frame { a, b, denoised: None, variants: Vec::new() }
+        Frame { a, b, denoised: None, variants: Vec::new(), weights: HalfWeights::EQUAL }
     }
 
     pub(crate) fn measured(frame: &Frame) -> Independence {

@@ -44,16 +44,18 @@ pub(crate) fn limit_outliers(prepared: &Prepared, halves: &[Image; 2], share: &m
     // Squared distances of the picture and of the halves from the halves' mean, and how far these are apart.
     let mut distances = Image::zeros(3, height, width);
     let [of_picture, of_halves, close] = distances.planes_mut().map(|plane| plane.par_chunks_mut(width));
+    // ‖a - m‖² is w_b² ‖a - b‖², and the squared error of the mean m is expected to be w_a w_b ‖a - b‖².
+    let of_mean = prepared.weights.of(0) / prepared.weights.of(1);
     let rows = of_picture.zip(of_halves).zip(close).enumerate();
     rows.for_each_init(Vec::new, |scratch, (y, ((of_picture, of_halves), close))| {
         let corrected = [0, 1, 2].map(|k| picture.row(k, y));
         let Blended { a, b, whole } = Blended::of(prepared, halves, corrected, share.row(0, y), y, scratch);
         for x in 0..width {
-            let mean = [0, 1, 2].map(|k| 0.5 * (a[k][x] + b[k][x]));
+            let mean = [0, 1, 2].map(|k| prepared.weights.mean(a[k][x], b[k][x]));
             let weight = weight_of(mean, RELATIVE_FLOOR);
             let distance = |from: [&[f32]; 3]| (0..3).map(|k| (from[k][x] - mean[k]).powi(2)).sum::<f32>();
             of_picture[x] = weight * distance(whole);
-            of_halves[x] = weight * distance(a);
+            of_halves[x] = weight * distance(a) * of_mean;
             close[x] = (0..3).map(|k| (a[k][x] - b[k][x]).abs()).sum::<f32>() / 3.0;
         }
     });
@@ -75,7 +77,7 @@ pub(crate) fn limit_outliers(prepared: &Prepared, halves: &[Image; 2], share: &m
             let most_apart = TIMES_APART * around[x].max(LEAST_APART);
             let limited = [0, 1, 2].map(|k| {
                 let (a, b, value) = (a[k][x], b[k][x], whole[k][x]);
-                let mean = 0.5 * (a + b);
+                let mean = prepared.weights.mean(a, b);
                 let nearer = if far > allowed { mean + allowed / far * (value - mean) } else { value };
                 let (darker, brighter) = (a.min(b), a.max(b));
                 match apart[x] > most_apart {
@@ -144,6 +146,7 @@ mod tests {
     use super::*;
     use crate::plan::Plan;
     use crate::prepare::Findings;
+    use sspc_image::HalfWeights;
     use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
     use std::sync::Arc;
 
@@ -162,6 +165,7 @@ mod tests {
             set: FeatureSet::NONE,
             variants: Vec::new(),
             plan: Plan::everything(SIZE.0, SIZE.1),
+            weights: HalfWeights::EQUAL,
             found: Findings::default(),
         }
     }

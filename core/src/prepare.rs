@@ -2,7 +2,7 @@
 //! colours, missing pixels marked, feature tensors in channel order.
 
 use crate::plan::Plan;
-use sspc_image::{DenoisedVariant, Frame, HalfBuffer, Image, Role};
+use sspc_image::{DenoisedVariant, Frame, HalfBuffer, HalfWeights, Image, Role};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -28,6 +28,8 @@ pub struct Prepared {
     pub set: FeatureSet,
     /// What is fitted in the place of z, one network for each, in the order of the model; none where that is z alone.
     pub variants: Vec<Arc<Variant>>,
+    /// What each half weighs in means of both.
+    pub weights: HalfWeights,
     /// What of the picture is computed.
     pub plan: Plan,
     /// What was found on the way.
@@ -46,8 +48,8 @@ pub struct Variant {
 
 impl Variant {
     /// A variant in the method's units; `ground` is the z of half a, of half b and of the full buffer.
-    fn new(variant: &DenoisedVariant, ground: [&Image; 3], exposure: f32, valid: &Image) -> Self {
-        let mean = || Image::mean_of(&variant.halves[0], &variant.halves[1]);
+    fn new(variant: &DenoisedVariant, ground: [&Image; 3], weights: HalfWeights, exposure: f32, valid: &Image) -> Self {
+        let mean = || weights.mean_of(&variant.halves[0], &variant.halves[1]);
         let full = variant.full.as_ref().map_or_else(|| Cow::Owned(mean()), Cow::Borrowed);
         let of = |picture: &Image, ground: &Image| {
             Image::from_rows(3, picture.height(), picture.width(), |c, y, row| {
@@ -84,9 +86,9 @@ impl Prepared {
         let halves = [half(&frame.a), half(&frame.b)];
         let denoised = colour(&baseline(frame), stats.exposure, &valid);
         let ground = [&frame.a.denoised, &frame.b.denoised, &*baseline(frame)];
-        let variants =
-            frame.variants.iter().map(|v| Arc::new(Variant::new(v, ground, stats.exposure, &valid))).collect();
-        Self { variants, ..Self::of_parts(halves, denoised, valid, stats) }
+        let of = |variant| Arc::new(Variant::new(variant, ground, frame.weights, stats.exposure, &valid));
+        let variants = frame.variants.iter().map(of).collect();
+        Self { variants, weights: frame.weights, ..Self::of_parts(halves, denoised, valid, stats) }
     }
 
     /// The same of a whole frame that is given away, each half as soon as its features are there; and
@@ -95,15 +97,15 @@ impl Prepared {
         let valid = validity(&frame);
         let present = Role::FEATURES.map(|feature| presence(&frame, feature));
         let baseline = baseline(&frame).into_owned();
-        let Frame { a, b, denoised, variants } = frame;
+        let Frame { a, b, denoised, variants, weights } = frame;
         drop(denoised);
         let ground = [&a.denoised, &b.denoised, &baseline];
-        let of = |variant| Arc::new(Variant::new(&variant, ground, stats.exposure, &valid));
+        let of = |variant| Arc::new(Variant::new(&variant, ground, weights, stats.exposure, &valid));
         let variants = variants.into_iter().map(of).collect();
         let features = |half: HalfBuffer| half_features(&half, stats, &valid, &present);
         let halves = [features(a), features(b)];
         let denoised = colour(&baseline, stats.exposure, &valid);
-        (Self { variants, ..Self::of_parts(halves, denoised, valid, stats) }, baseline)
+        (Self { variants, weights, ..Self::of_parts(halves, denoised, valid, stats) }, baseline)
     }
 
     fn of_parts(halves: [Image; 2], denoised: Image, valid: Image, stats: &FrameStats) -> Self {
@@ -113,7 +115,8 @@ impl Prepared {
             Trust::None(_) => Plan::nothing(halves[0].height(), halves[0].width()),
             Trust::Independent => Plan::new(&halves, valid.as_ref()),
         };
-        Self { plan, exposure, halves: halves.map(Arc::new), denoised, valid, set, variants: Vec::new(), found }
+        let (halves, weights) = (halves.map(Arc::new), HalfWeights::EQUAL);
+        Self { plan, exposure, halves, denoised, valid, set, variants: Vec::new(), weights, found }
     }
 
     /// How many networks are fitted.
@@ -186,7 +189,8 @@ impl Prepared {
         match (guides, c) {
             (Guides::Full, ALBEDO..DENOISED) => {
                 let other = self.halves[1 - h].row(c, y);
-                row.iter_mut().zip(own.iter().zip(other)).for_each(|(v, (a, b))| *v = 0.5 * (a + b));
+                let [of_own, of_other] = [h, 1 - h].map(|h| self.weights.of(h));
+                row.iter_mut().zip(own.iter().zip(other)).for_each(|(v, (a, b))| *v = of_own * a + of_other * b);
             }
             (Guides::Full, DENOISED..) => row.copy_from_slice(self.denoised.row(c - DENOISED, y)),
             _ => row.copy_from_slice(own),
@@ -210,11 +214,11 @@ impl Prepared {
 }
 
 /// The picture in the frame's units that a correction is compared with and added to: the full buffer's
-/// z, else the mean of both halves'.
+/// z, else the mean of both halves' by their weights.
 pub fn baseline(frame: &Frame) -> Cow<'_, Image> {
     match &frame.denoised {
         Some(full) => Cow::Borrowed(full),
-        None => Cow::Owned(Image::mean_of(&frame.a.denoised, &frame.b.denoised)),
+        None => Cow::Owned(frame.weights.mean_of(&frame.a.denoised, &frame.b.denoised)),
     }
 }
 

@@ -19,6 +19,8 @@ pub struct FrameFiles {
     pub more_denoised: Vec<MoreDenoised>,
     /// The reference, if there is one.
     pub reference: Option<PathBuf>,
+    /// Samples per pixel of half a and of half b, where the user names them.
+    pub samples: Option<[u32; 2]>,
 }
 
 /// What a further denoiser, or the same with other settings, made of a frame.
@@ -47,7 +49,14 @@ impl FrameFiles {
 
     /// One file whose layers hold both halves.
     pub fn both_in_one(file: impl Into<PathBuf>) -> Self {
-        Self { a: file.into(), b: None, roles: BTreeMap::new(), more_denoised: Vec::new(), reference: None }
+        Self {
+            a: file.into(),
+            b: None,
+            roles: BTreeMap::new(),
+            more_denoised: Vec::new(),
+            reference: None,
+            samples: None,
+        }
     }
 
     /// Takes `role` of `buffer` from a file of its own.
@@ -70,6 +79,12 @@ impl FrameFiles {
     /// Adds further denoised pictures.
     pub fn with_more_denoised(mut self, more: Vec<MoreDenoised>) -> Self {
         self.more_denoised.extend(more);
+        self
+    }
+
+    /// Says how many samples the halves have.
+    pub fn with_samples(mut self, samples: Option<[u32; 2]>) -> Self {
+        self.samples = samples.or(self.samples);
         self
     }
 

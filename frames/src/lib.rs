@@ -18,6 +18,7 @@
 //! | [`temporary`] | the files they are until then, and what killed processes left of them |
 //! | [`output`], `place` | the corrected picture inside a copy of half a |
 //! | [`preview`] | tone curve, error colours, PNG |
+//! | [`samples`] | how many samples each half has |
 //! | [`sequence`] | frame numbers in file names |
 
 #![forbid(unsafe_code)]
@@ -40,6 +41,7 @@ mod place;
 pub mod preview;
 pub mod read;
 pub mod resolve;
+pub mod samples;
 mod search;
 pub mod sequence;
 pub mod temporary;

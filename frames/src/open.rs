@@ -9,8 +9,11 @@ use crate::output::OutputPlan;
 use crate::overrides::RoleOverrides;
 use crate::passes::{OpenPasses, PassSelection};
 use crate::resolve::{Filled, Resolution, resolve};
+use crate::samples::HalfSamples;
 use rayon::prelude::*;
-use sspc_image::{Buffer, CompactImage, DenoisedVariant, Frame, FrameRows, HalfBuffer, Image, Role, RoleSource};
+use sspc_image::{
+    Buffer, CompactImage, DenoisedVariant, Frame, FrameRows, HalfBuffer, HalfWeights, Image, Role, RoleSource,
+};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -18,6 +21,7 @@ use std::ops::Range;
 /// Files whose channels are known to make a frame.
 pub struct OpenFrame {
     resolution: Resolution,
+    samples: HalfSamples,
     made: Made,
 }
 
@@ -52,7 +56,7 @@ pub struct NoisyHalf {
 }
 
 impl OpenFrame {
-    /// Finds the roles, reading headers only.
+    /// Finds the roles by headers; of pixels only a pass of sample counts is read, where both halves have one.
     ///
     /// # Errors
     /// As [`resolve`], and denoised halves that are not there.
@@ -66,7 +70,10 @@ impl OpenFrame {
     /// # Errors
     /// As [`resolve`].
     pub fn open_to_denoise(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Self, Error> {
-        Ok(Self { resolution: resolve(files, overrides)?, made: Made::default() })
+        let mut resolution = resolve(files, overrides)?;
+        let (samples, notes) = HalfSamples::of(files.samples, &resolution)?;
+        resolution.warnings.extend(notes);
+        Ok(Self { resolution, samples, made: Made::default() })
     }
 
     /// What is wrong with a frame without denoised halves.
@@ -113,6 +120,16 @@ impl OpenFrame {
         }))
     }
 
+    /// The samples of each half, and who says so.
+    pub fn samples(&self) -> &HalfSamples {
+        &self.samples
+    }
+
+    /// What each half weighs in means of both.
+    pub fn weights(&self) -> HalfWeights {
+        self.samples.weights()
+    }
+
     /// Rows of the frame.
     pub fn height(&self) -> usize {
         self.resolution.window.height
@@ -149,7 +166,7 @@ impl OpenFrame {
     /// # Errors
     /// As [`OpenPasses::open`].
     pub fn passes(&self, selection: Option<&PassSelection>, alpha: bool) -> Result<OpenPasses, Error> {
-        OpenPasses::open(&self.resolution, selection, alpha)
+        OpenPasses::open(&self.resolution, self.weights(), selection, alpha)
     }
 
     /// Planes of all roles together.
@@ -214,7 +231,7 @@ impl OpenFrame {
             let first = [&a.denoised, &b.denoised].map(Image::clone);
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
-        Ok(Frame { a, b, denoised, variants })
+        Ok(Frame { a, b, denoised, variants, weights: self.weights() })
     }
 
     /// Some rows of one role of a buffer, values as in the files; `None` where they do not hold it.
@@ -231,7 +248,7 @@ impl OpenFrame {
     }
 
     /// Some rows of the denoised pictures of a buffer: z, or its variants in their order. Without one of the full buffer,
-    /// the mean of both halves'.
+    /// the mean of both halves' by their weights.
     ///
     /// # Errors
     /// As [`Self::rows`].
@@ -260,7 +277,7 @@ impl OpenFrame {
         }
         assert_eq!(buffer, Buffer::Full, "denoised pictures of a half are in the files or were supplied");
         let halves = self.denoised_rows(Buffer::A, rows.clone())?.into_iter().zip(self.denoised_rows(Buffer::B, rows)?);
-        let means = halves.map(|(a, b)| Image::mean_of(&a, &b));
+        let means = halves.map(|(a, b)| self.weights().mean_of(&a, &b));
         Ok(pictures.into_iter().zip(means).map(|(own, mean)| own.unwrap_or(mean)).collect())
     }
 

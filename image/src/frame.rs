@@ -1,6 +1,6 @@
 //! What one frame consists of, as read: values in the file's own units, NaN and Inf included.
 
-use crate::{Buffer, Image, Role};
+use crate::{Buffer, HalfWeights, Image, Role};
 use std::path::PathBuf;
 
 /// Which channels of which file filled a role.
@@ -38,7 +38,7 @@ pub struct HalfBuffer {
 pub struct DenoisedVariant {
     /// z of half a and of half b, `[3, H, W]`.
     pub halves: [Image; 2],
-    /// z of the full buffer, `[3, H, W]`; without it, the mean of both halves'.
+    /// z of the full buffer, `[3, H, W]`; without it, the mean of both halves' by their weights.
     pub full: Option<Image>,
 }
 
@@ -58,10 +58,13 @@ pub struct Frame {
     pub a: HalfBuffer,
     /// The other half.
     pub b: HalfBuffer,
-    /// The denoiser's output on the full buffer; without it, the mean of both denoised halves is the baseline.
+    /// The denoiser's output on the full buffer; without it, the mean of both denoised halves by their weights is the
+    /// baseline.
     pub denoised: Option<Image>,
     /// What is fitted in the place of z, one network for each, in the order of the model; none where that is z alone.
     pub variants: Vec<DenoisedVariant>,
+    /// What each half weighs in means of both.
+    pub weights: HalfWeights,
 }
 
 impl DenoisedVariant {
@@ -116,6 +119,7 @@ impl Frame {
             b: self.b.rows(top, height),
             denoised: self.denoised.as_ref().map(|z| z.crop(top, 0, height, z.width())),
             variants: self.variants.iter().map(|variant| variant.rows(top, height)).collect(),
+            weights: self.weights,
         }
     }
 
@@ -129,7 +133,13 @@ impl Frame {
             normal: None,
             visibility: None,
         };
-        Frame { a: half(&self.a), b: half(&self.b), denoised: self.denoised.as_ref().map(cut), variants: Vec::new() }
+        Frame {
+            a: half(&self.a),
+            b: half(&self.b),
+            denoised: self.denoised.as_ref().map(cut),
+            variants: Vec::new(),
+            weights: self.weights,
+        }
     }
 
     /// Height in pixels.

@@ -10,6 +10,7 @@ mod role;
 mod rows;
 mod shown;
 mod storage;
+mod weights;
 
 pub use compact::CompactImage;
 pub use display::display;
@@ -20,3 +21,4 @@ pub use role::{Buffer, Role};
 pub use rows::FrameRows;
 pub use shown::shown;
 pub use storage::Storage;
+pub use weights::HalfWeights;

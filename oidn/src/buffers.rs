@@ -2,7 +2,7 @@
 //! neighbours, so that no hole darkens them, and is missing again in what the library returns.
 
 use rayon::prelude::*;
-use sspc_image::Image;
+use sspc_image::{HalfWeights, Image};
 
 /// Values of a pixel.
 pub(crate) const CHANNELS: usize = 3;
@@ -79,9 +79,9 @@ impl Picture {
 }
 
 /// The mean of two images of one shape, by pixel; where only one is finite, that one.
-pub fn mean_of_finite(a: &Image, b: &Image) -> Image {
+pub fn mean_of_finite(a: &Image, b: &Image, weights: HalfWeights) -> Image {
     let finite = |image: &Image, i: usize| (0..image.channels()).all(|c| image.plane(c)[i].is_finite());
-    let mut mean = Image::mean_of(a, b);
+    let mut mean = weights.mean_of(a, b);
     for i in 0..mean.pixels() {
         if (0..mean.channels()).all(|c| mean.plane(c)[i].is_finite()) {
             continue;
@@ -196,7 +196,7 @@ mod tests {
         b.set(0, 1, 1, f32::INFINITY);
         a.set(0, 1, 0, f32::NAN);
         b.set(1, 1, 0, f32::NAN);
-        let mean = mean_of_finite(&a, &b);
+        let mean = mean_of_finite(&a, &b, HalfWeights::EQUAL);
         let pixel = |i: usize| [0, 1, 2].map(|c| mean.plane(c)[i]);
         assert_eq!([pixel(0), pixel(1), pixel(3)], [[3.0; 3], [2.0; 3], [1.0; 3]]);
         assert!(!pixel(2).iter().all(|value| value.is_finite()));

@@ -1,4 +1,4 @@
-//! The `image` graph: the mean of both corrected halves in standard operators, for other engines.
+//! The `image` graph: the plain mean of both corrected halves in standard operators, for other engines.
 
 use crate::apart::add_apart;
 use crate::builder::{Dim, GraphBuilder, int, ints};

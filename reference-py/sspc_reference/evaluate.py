@@ -35,18 +35,18 @@ def corrected_halves(network, frame, radius=gc.RADIUS):
         return [gc.gated(half, activations.activate(network(half)), radius) for half in (frame.a, frame.b)]
 
 
-def corrected_image(network, frame, radius=gc.RADIUS):
-    """The paper's result: max(0, (mu_hat^a + mu_hat^b) / 2), [1, 3, H, W]."""
+def corrected_image(network, frame, radius=gc.RADIUS, weights=(0.5, 0.5)):
+    """The paper's result: max(0, w_a mu_hat^a + w_b mu_hat^b), [1, 3, H, W]; weights are the halves' shares of the samples."""
     a, b = corrected_halves(network, frame, radius)
-    return ((a + b) / 2).clamp_min(0)
+    return (weights[0] * a + weights[1] * b).clamp_min(0)
 
 
-def corrected_with_full_denoised(network, frame, radius=gc.RADIUS):
+def corrected_with_full_denoised(network, frame, radius=gc.RADIUS, weights=(0.5, 0.5)):
     """g_c with each half's parameters and radiance, but z and the features of the full buffer.
 
-    The full buffer's features are the mean of both halves'; its z is `frame.denoised`.
+    The full buffer's features are the mean of both halves' by their weights; its z is `frame.denoised`.
     """
-    full = (frame.a + frame.b) / 2
+    full = weights[0] * frame.a + weights[1] * frame.b
     full[:, CHANNELS["denoised"]] = frame.denoised
     outputs = []
     with torch.no_grad():
@@ -54,4 +54,4 @@ def corrected_with_full_denoised(network, frame, radius=gc.RADIUS):
             mixed = full.clone()
             mixed[:, CHANNELS["radiance"]] = half[:, CHANNELS["radiance"]]
             outputs.append(gc.gated(mixed, activations.activate(network(half)), radius))
-    return ((outputs[0] + outputs[1]) / 2).clamp_min(0)
+    return (weights[0] * outputs[0] + weights[1] * outputs[1]).clamp_min(0)

@@ -5,7 +5,7 @@ use sspc_core::prepare::{Findings, Prepared};
 use sspc_core::rng::Rng;
 use sspc_frames::error::Error;
 use sspc_frames::{FrameFiles, OpenFrame, RoleOverrides, read_reference};
-use sspc_image::{Frame, HalfBuffer, Image, Reference, RoleSource};
+use sspc_image::{Frame, HalfBuffer, HalfWeights, Image, Reference, RoleSource};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
 use std::ops::Deref;
 use std::path::PathBuf;
@@ -108,6 +108,7 @@ pub fn prepared(halves: [Image; 2]) -> Prepared {
         set: FeatureSet::ALL,
         plan: Plan::everything(height, width),
         variants: Vec::new(),
+        weights: HalfWeights::EQUAL,
         found: Findings::default(),
     }
 }
@@ -130,7 +131,7 @@ pub fn frame_of(halves: &[Image; 2]) -> Frame {
         visibility: Some(planes(features, VISIBILITY, 1)),
     };
     let [a, b] = halves.each_ref().map(half);
-    Frame { a, b, denoised: None, variants: Vec::new() }
+    Frame { a, b, denoised: None, variants: Vec::new(), weights: HalfWeights::EQUAL }
 }
 
 /// Planes `first..first + count`.

@@ -13,7 +13,7 @@ use crate::write::{Written, check_outputs, write_outputs};
 use crate::{setting_overrides, warm_start};
 use sspc_cli::output::{Output, role_line};
 use sspc_cli::reading::check_variants;
-use sspc_cli::record::peak_rss_bytes;
+use sspc_cli::record::{peak_rss_bytes, samples_line};
 use sspc_cli::shot::Shot;
 use sspc_cli::shot::settings::{MotionSearch, ShotSettings};
 use sspc_cli::{Code, Denoising, Failure, FrameJob, UnaskedModes, interrupt};
@@ -215,6 +215,7 @@ fn report(
         found: input.stats.found,
         independence: input.stats.independence,
         roles: input.roles.iter().map(Into::into).collect(),
+        samples: (&input.samples).into(),
         denoiser: input.denoiser.clone(),
         passes: outcome.passes.as_ref().map(|passes| passes.report.clone()),
         skipped: input.skipped.clone(),
@@ -229,6 +230,7 @@ fn report(
 fn say_what_was_read(output: &Output, input: &Input) {
     output.say(&format!("{}: {} x {} pixels", input.name, input.denoised.width(), input.denoised.height()));
     input.roles.iter().for_each(|source| output.say(&role_line(source)));
+    output.say(&samples_line(&input.samples));
     input.denoiser.iter().for_each(|made| output.say(&made.line()));
     output.detail(&format!("  {}", input.stats.independence));
     input.neighbours.iter().for_each(|neighbour| output.detail(&neighbour.line()));

@@ -12,6 +12,7 @@ use sspc_core::frame_stats::FrameStats;
 use sspc_core::prepare::{Prepared, baseline};
 use sspc_frames::preview::{Rgb8, auto_exposure, spotlight, tone_map};
 use sspc_frames::read::Like;
+use sspc_frames::samples::HalfSamples;
 use sspc_frames::{FrameFiles, OpenFrame, OutputPlan, RoleOverrides, read_reference};
 use sspc_image::{Frame, Image, Reference, RoleSource};
 use sspc_kernels::features::FeatureSet;
@@ -33,6 +34,8 @@ pub struct Input {
     pub output: OutputPlan,
     /// Which channel filled which role, in the order read.
     pub roles: Vec<RoleSource>,
+    /// The samples of each half.
+    pub samples: HalfSamples,
     /// Which denoised pictures were made, where the files do not hold them.
     pub denoiser: Option<DenoiserReport>,
     /// What a person should know.
@@ -51,7 +54,7 @@ pub struct Input {
     pub fill: Vec<(usize, [f32; 3])>,
     /// Exposure of previews.
     pub shown_exposure: f32,
-    /// The mean of both halves' radiance, to look at.
+    /// The mean of both halves' radiance by their weights, to look at.
     pub shown_noisy: Rgb8,
     /// The reference, where one was given.
     pub reference: Option<Reference>,
@@ -121,17 +124,17 @@ pub fn read(
             ShotFrame { frame: ReadFrame::held(&open, settings.exposure)?, denoiser, neighbours: Vec::new() }
         }
     };
-    let ReadFrame { source, stats, roles, warnings, different } = frame;
+    let ReadFrame { source, stats, roles, samples, warnings, different } = frame;
     let Source::Held(frame) = source else { unreachable!("a frame that is held") };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;
     let stats = stats.with_features_of(settings.features);
     let (fill, shown_exposure, shown_noisy, rivals) = {
         let denoised = baseline(&frame);
-        let noisy = Image::mean_of(&frame.a.radiance, &frame.b.radiance);
+        let noisy = frame.weights.mean_of(&frame.a.radiance, &frame.b.radiance);
         let missing = stats.found.missing_pixels > 0;
         let fill = if missing { values_from_sources(&denoised, &frame) } else { Vec::new() };
         let exposure = auto_exposure(&denoised);
-        let halves = || Image::mean_of(&frame.a.denoised, &frame.b.denoised);
+        let halves = || frame.weights.mean_of(&frame.a.denoised, &frame.b.denoised);
         let rivals = reference.as_ref().map(|r| Rivals::measure(&noisy, &denoised, (!missing).then(halves), r));
         (fill, exposure, tone_map(&noisy, exposure), rivals)
     };
@@ -148,6 +151,7 @@ pub fn read(
         passes,
         output,
         roles,
+        samples,
         denoiser,
         warnings,
         neighbours,

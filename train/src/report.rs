@@ -5,7 +5,7 @@ use crate::preset::{Preset, Settings};
 use serde::Serialize;
 use sspc_cli::DenoiserReport;
 use sspc_cli::passes::PassesReport;
-use sspc_cli::record::FilledRole;
+use sspc_cli::record::{FilledRole, SamplesReport};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_core::composition::Composition;
 use sspc_core::estimate::{Estimate, Losses, Mean};
@@ -202,6 +202,8 @@ pub struct FitReport {
     pub independence: Independence,
     /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
+    /// The samples of each half, and what they weigh.
+    pub samples: SamplesReport,
     /// Which denoised pictures were made, where the files do not hold them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<DenoiserReport>,

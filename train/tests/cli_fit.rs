@@ -41,6 +41,51 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
+fn a_fit_says_what_the_halves_weigh_and_who_says_so() {
+    let folder = folder();
+    let out = folder.path().join("fit");
+    let output = fit(&out, &["--samples-a", "24", "--samples-b", "8"]);
+    assert_success(&output);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
+    let line = "samples of half a + half b: 24 + 8 (--samples-a, --samples-b); weights 0.750 + 0.250";
+    assert!(said.contains(line), "{said}");
+    let samples = &report(&out)["samples"];
+    assert_eq!(samples["source"], "arguments");
+    assert_eq!(samples["counts"], serde_json::json!([24.0, 8.0]));
+    assert_eq!(samples["weights"], serde_json::json!([0.75, 0.25]));
+
+    let equal = folder.path().join("equal");
+    assert_success(&fit(&equal, &[]));
+    let samples = &report(&equal)["samples"];
+    assert_eq!((&samples["source"], &samples["counts"]), (&serde_json::json!("none"), &serde_json::Value::Null));
+    assert_eq!(samples["weights"], serde_json::json!([0.5, 0.5]));
+    let as_many = folder.path().join("as-many");
+    assert_success(&fit(&as_many, &["--samples-a", "8", "--samples-b", "8"]));
+    let picture = |folder: &Path| read_picture(&folder.join("corrected.exr"), None).expect("a picture");
+    assert_eq!(picture(&as_many).data(), picture(&equal).data());
+    assert_ne!(picture(&out).data(), picture(&equal).data());
+}
+
+#[test]
+fn samples_that_no_halves_can_have_are_refused() {
+    let folder = folder();
+    let out = folder.path().join("fit");
+    for (arguments, said) in [
+        (&["--samples-a", "0", "--samples-b", "8"][..], "--samples-a"),
+        (&["--samples-a", "8"], "--samples-b"),
+        (&["--samples-b", "8"], "--samples-a"),
+        (&["--samples-a", "many", "--samples-b", "8"], "--samples-a"),
+        (&["--samples-a", "99999999", "--samples-b", "99999999"], "--samples-a"),
+        (&["--samples-a", "4096", "--samples-b", "8"], "at most 256 times as many"),
+    ] {
+        let output = fit(&out, arguments);
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && message.contains(said), "{arguments:?}: {message}");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
 fn a_fit_writes_picture_model_report_and_previews() {
     let folder = folder();
     let out = folder.path().join("fit");

@@ -134,7 +134,7 @@ impl Sides {
             Sides::Decoded(decoded) => {
                 let variants = decoded.frame.variants.iter().map(|variant| match &variant.full {
                     Some(full) => Cow::Borrowed(full),
-                    None => Cow::Owned(Image::mean_of(&variant.halves[0], &variant.halves[1])),
+                    None => Cow::Owned(decoded.frame.weights.mean_of(&variant.halves[0], &variant.halves[1])),
                 });
                 Ok(or_itself(variants.collect(), || baseline(&decoded.frame)))
             }

@@ -10,7 +10,7 @@ use super::filtered::Candidates;
 use crate::box_mean::box_mean;
 use crate::objective::RELATIVE_FLOOR;
 use crate::prepare::Prepared;
-use sspc_image::{Image, Storage};
+use sspc_image::{HalfWeights, Image, Storage};
 use std::ops::Range;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
@@ -48,9 +48,9 @@ impl Chosen {
 /// The best picture of a pass in the rows `inner` of a band.
 pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner: &Range<usize>) -> Chosen {
     let Candidates { noisy, whole, small, valid } = of;
-    let exposure = prepared.exposure;
+    let (exposure, weights) = (prepared.exposure, prepared.weights);
     let (height, width) = (valid.height(), valid.width());
-    let weight = weight(&whole, &valid);
+    let weight = weight(&whole, &valid, weights);
     let candidates = [&whole, &small, &noisy];
     let errors = candidates.map(|c| judged(disagreement(c, &noisy, &weight)));
     let best = |y: usize, x: usize| {
@@ -72,12 +72,12 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
             }
         })
     });
-    let mut picture = Image::mean_of(&mixed[0], &mixed[1]);
+    let mut picture = weights.mean_of(&mixed[0], &mixed[1]);
     if let Some(denoised) = &pass.denoised {
-        picture = beside_denoised(denoised, &picture, exposure, &noisy);
+        picture = beside_denoised(denoised, &picture, (exposure, weights), &noisy);
     }
-    keep_certain(&mut picture, &noisy);
-    let mut doubt = doubt(&picture, &noisy);
+    keep_certain(&mut picture, &noisy, weights);
+    let mut doubt = doubt(&picture, &noisy, weights);
     for image in [&mut picture, &mut doubt] {
         *image = image.crop(inner.start, 0, inner.len(), width);
         image.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v /= exposure));
@@ -86,8 +86,13 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
 }
 
 /// The denoised picture, but for places without noise, where `picture` is what both halves say.
-fn beside_denoised(denoised: &Image, picture: &Image, exposure: f32, noisy: &[Image; 2]) -> Image {
-    let noise = box_mean(&noise(noisy), JUDGE_RADIUS);
+fn beside_denoised(
+    denoised: &Image,
+    picture: &Image,
+    (exposure, weights): (f32, HalfWeights),
+    noisy: &[Image; 2],
+) -> Image {
+    let noise = box_mean(&noise(noisy, weights), JUDGE_RADIUS);
     let size = box_mean(&mean_square(picture), JUDGE_RADIUS);
     Image::from_rows(picture.channels(), picture.height(), picture.width(), |c, y, row| {
         let (denoised, own) = (denoised.row(c, y), picture.row(c, y));
@@ -100,15 +105,15 @@ fn beside_denoised(denoised: &Image, picture: &Image, exposure: f32, noisy: &[Im
 
 /// Puts what both halves say where they agree on far more light than the picture has: a lamp of one pixel, say, that a
 /// denoiser or a window spreads. (Less light is no such sign: where no sample hit, halves agree on 0.)
-fn keep_certain(picture: &mut Image, noisy: &[Image; 2]) {
+fn keep_certain(picture: &mut Image, noisy: &[Image; 2], weights: HalfWeights) {
     // The pixel's own noise may be small by chance, that around it large by its fireflies.
-    let own_noise = noise(noisy);
+    let own_noise = noise(noisy, weights);
     let around = box_mean(&own_noise, NOISE_RADIUS);
     picture.for_each_row(|c, y, row| {
         let halves = noisy[0].row(c, y).iter().zip(noisy[1].row(c, y));
         let noise = own_noise.row(0, y).iter().zip(around.row(0, y));
         for ((v, (a, b)), (own_noise, around)) in row.iter_mut().zip(halves).zip(noise) {
-            let own = 0.5 * (a + b);
+            let own = weights.mean(*a, *b);
             let more = own.signum() * (own - *v);
             if more > 0.0 && more * more > CERTAIN * CERTAIN * own_noise.max(*around) {
                 *v = own;
@@ -118,9 +123,9 @@ fn keep_certain(picture: &mut Image, noisy: &[Image; 2]) {
 }
 
 /// How wrong a pass may be, `[1, H, W]`: in proportion to its value, and less where it is little noisier than [`LITTLE_NOISE`].
-fn doubt(picture: &Image, noisy: &[Image; 2]) -> Image {
+fn doubt(picture: &Image, noisy: &[Image; 2], weights: HalfWeights) -> Image {
     let square = mean_square(picture);
-    let (noise, size) = (box_mean(&noise(noisy), NOISE_RADIUS), box_mean(&square, NOISE_RADIUS));
+    let (noise, size) = (box_mean(&noise(noisy, weights), NOISE_RADIUS), box_mean(&square, NOISE_RADIUS));
     Image::from_rows(1, picture.height(), picture.width(), |_, y, row| {
         for (x, v) in row.iter_mut().enumerate() {
             let relative = (noise.at(0, y, x) / size.at(0, y, x).max(f32::MIN_POSITIVE)).sqrt();
@@ -132,10 +137,11 @@ fn doubt(picture: &Image, noisy: &[Image; 2]) -> Image {
 }
 
 /// Squared noise of the mean of both halves, a value of one channel.
-fn noise(noisy: &[Image; 2]) -> Image {
+fn noise(noisy: &[Image; 2], weights: HalfWeights) -> Image {
+    let of_mean = weights.product().sqrt();
     let difference = Image::from_rows(noisy[0].channels(), noisy[0].height(), noisy[0].width(), |c, y, row| {
         for ((v, a), b) in row.iter_mut().zip(noisy[0].row(c, y)).zip(noisy[1].row(c, y)) {
-            *v = 0.5 * (a - b);
+            *v = of_mean * (a - b);
         }
     });
     mean_square(&difference)
@@ -150,9 +156,9 @@ fn mean_square(image: &Image) -> Image {
 }
 
 /// 1 / (mean² + ε) of a pass, 0 where it is missing.
-fn weight(whole: &[Image; 2], valid: &Image) -> Image {
+fn weight(whole: &[Image; 2], valid: &Image, weights: HalfWeights) -> Image {
     let channels = whole[0].channels();
-    let smooth = box_mean(&Image::mean_of(&whole[0], &whole[1]), JUDGE_RADIUS);
+    let smooth = box_mean(&weights.mean_of(&whole[0], &whole[1]), JUDGE_RADIUS);
     Image::from_rows(1, valid.height(), valid.width(), |_, y, row| {
         let valid = valid.row(0, y);
         for (x, w) in row.iter_mut().enumerate() {
@@ -199,7 +205,7 @@ mod tests {
         };
         let mut picture = Image::filled(3, 9, 20, 0.2);
         picture.set(0, 4, 4, 10.0);
-        keep_certain(&mut picture, &[half(0), half(1)]);
+        keep_certain(&mut picture, &[half(0), half(1)], HalfWeights::EQUAL);
         assert_eq!([0, 1, 2].map(|c| picture.at(c, 4, 4)), [50.05; 3]);
         assert_eq!(picture.at(0, 4, 15), 0.2);
         assert_eq!(picture.at(0, 0, 0), 0.2);

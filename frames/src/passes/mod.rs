@@ -22,7 +22,7 @@ use crate::window::Window;
 use exr::meta::attribute::SampleType;
 use find::{FoundSet, find, others};
 use rayon::join;
-use sspc_image::{Buffer, Image, Role, Storage, shown};
+use sspc_image::{Buffer, HalfWeights, Image, Role, Storage, shown};
 use std::ops::Range;
 use sums::{Difference, Explanation, Explanations, Part};
 
@@ -67,6 +67,8 @@ pub struct OpenSet {
 /// The additive passes of a frame.
 pub struct OpenPasses {
     files: [ExrFile; 2],
+    /// What each half weighs.
+    weights: HalfWeights,
     /// The noisy colour of half a and of half b.
     noisy: [Filled; 2],
     /// Passes of all sets.
@@ -94,7 +96,12 @@ impl OpenPasses {
     ///
     /// # Errors
     /// [`Error::Passes`]: none found, layers in one half only, of another size, or that do not add up; what reading can raise.
-    pub fn open(resolution: &Resolution, selection: Option<&PassSelection>, alpha: bool) -> Result<Self, Error> {
+    pub fn open(
+        resolution: &Resolution,
+        weights: HalfWeights,
+        selection: Option<&PassSelection>,
+        alpha: bool,
+    ) -> Result<Self, Error> {
         let noisy = [Buffer::A, Buffer::B].map(|buffer| resolution.get(Role::Radiance, buffer));
         let [Some(a), Some(b)] = noisy else { unreachable!("resolve() has refused frames without colour") };
         let files = [a, b].map(|filled| resolution.files[filled.file].clone());
@@ -103,6 +110,7 @@ impl OpenPasses {
         }
         let mut open = Self {
             files,
+            weights,
             noisy: [a.clone(), b.clone()],
             passes: Vec::new(),
             colours: Vec::new(),
@@ -255,7 +263,7 @@ impl OpenPasses {
         let alpha = self.alpha.and_then(|_| a.pop().zip(b.pop())).map(|(a, b)| [a, b]);
         let colours = a.drain(self.passes.len()..).zip(b.drain(self.passes.len()..));
         let mean = |(at, (a, b)): (usize, (Image, Image))| {
-            let mut mean = Image::mean_of(&a, &b);
+            let mut mean = self.weights.mean_of(&a, &b);
             let storage = self.colours[at].storage;
             mean.for_each_row(|_, _, row| row.iter_mut().for_each(|v| *v = storage.round(f64::from(*v))));
             mean

@@ -38,7 +38,7 @@ impl Beside {
         let (mut noisy, mut denoised) = (Image::zeros(3, height, width), Image::zeros(3, height, width));
         for top in (0..height).step_by(ROWS) {
             let rows = source.rows(top..(top + ROWS).min(height))?;
-            noisy.put_rows(top, &Image::mean_of(&rows.a.radiance, &rows.b.radiance));
+            noisy.put_rows(top, &rows.weights.mean_of(&rows.a.radiance, &rows.b.radiance));
             denoised.put_rows(top, &baseline(&rows));
         }
         Ok(Self { noisy, denoised, different: different.map(|places| places.map(height, width)), reference })

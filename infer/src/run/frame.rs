@@ -8,6 +8,7 @@ use super::shared::Shared;
 use sspc_cli::output::{Output, print_result, role_line};
 use sspc_cli::passes::{CorrectedPasses, FramePasses};
 use sspc_cli::reading::{ReadFrame, check_variants};
+use sspc_cli::record::samples_line;
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_cli::shot::{Residence, ShotFrame};
 use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
@@ -17,8 +18,9 @@ use sspc_core::frame_stats::FrameStats;
 use sspc_core::passes::SplitError;
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::read::Like;
+use sspc_frames::samples::HalfSamples;
 use sspc_frames::{OpenFrame, OutputPlan, RoleOverrides, read_reference};
-use sspc_image::{FrameRows, Image, Role, RoleSource};
+use sspc_image::{FrameRows, HalfWeights, Image, Role, RoleSource};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -48,7 +50,9 @@ pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>
     let write = begin.elapsed().as_secs_f64();
     let count = views.len();
     for view in views {
-        let View { corrected, passes, stats, roles, denoiser, warnings, neighbours, read, name, beside, .. } = view;
+        let View { corrected, passes, stats, roles, samples, denoiser, warnings, .. } = view;
+        let (neighbours, read, name, beside, samples) =
+            (view.neighbours, view.read, view.name, view.beside, (&samples).into());
         let seconds = FrameSeconds {
             read,
             features: corrected.seconds.features,
@@ -59,7 +63,7 @@ pub fn correct_file(shared: &Shared, job: &Job, mut page: Option<&mut PageOfRun>
         let rel_l2 = beside.as_ref().and_then(|beside| beside.rel_l2(&corrected.picture));
         let report = FrameReport::new(shared, job, &stats, &roles, warnings, &corrected, seconds);
         let passes = passes.map(|passes| passes.report);
-        let report = FrameReport { denoiser, neighbours, rel_l2, passes, ..report };
+        let report = FrameReport { samples, denoiser, neighbours, rel_l2, passes, ..report };
         if arguments.json {
             let json = serde_json::to_vec_pretty(&report)
                 .map_err(|error| Failure::new(Code::Run, format!("cannot write the figures as JSON: {error}"), ""))?;
@@ -82,6 +86,7 @@ struct View {
     passes: Option<CorrectedPasses>,
     stats: FrameStats,
     roles: Vec<RoleSource>,
+    samples: HalfSamples,
     denoiser: Option<DenoiserReport>,
     warnings: Vec<String>,
     neighbours: Vec<NeighbourReport>,
@@ -129,7 +134,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     neighbours.iter().for_each(|neighbour| shared.output.detail(&neighbour.line()));
 
     let beside = shows.then(|| Beside::read(&frame.source, frame.different.as_ref(), reference)).transpose()?;
-    let ReadFrame { source, stats, roles, warnings, .. } = frame;
+    let ReadFrame { source, stats, roles, samples, warnings, .. } = frame;
     check_variants(contract.networks, source.variants().max(1))?;
     let stats = stats.with_features_of(contract.features);
     let how = contract.correction(isa, arguments.run.strength);
@@ -149,7 +154,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         SplitError::Bands(error) | SplitError::Passes(error) => error.into(),
     })?;
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
-    Ok(View { name, output, corrected, passes, stats, roles, denoiser, warnings, neighbours, read, beside })
+    Ok(View { name, output, corrected, passes, stats, roles, samples, denoiser, warnings, neighbours, read, beside })
 }
 
 /// One file of the pictures of all views.
@@ -176,6 +181,7 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
                 None => OpenFrame::open_to_denoise(&job.frame.files, &overrides)?,
             };
             lines.extend(open.sources().iter().map(role_line));
+            lines.push(samples_line(open.samples()));
             lines.extend(shared.denoising.describe(&open)?);
             lines.extend(open.notes().iter().map(|note| format!("  note: {note}")));
             lines.extend(shared.arguments.frame.passes.describe(&open)?);
@@ -209,6 +215,11 @@ fn say_what_was_read(shared: &Shared, job: &Job, frame: &ReadFrame, denoiser: Op
     let (output, name) = (shared.output, job.frame.name());
     output.detail(&format!("{name}: {} x {} pixels", frame.source.width(), frame.source.height()));
     frame.roles.iter().for_each(|source| output.detail(&role_line(source)));
+    let line = samples_line(&frame.samples);
+    match frame.samples.weights() == HalfWeights::EQUAL {
+        true => output.detail(&line),
+        false => output.say(&format!("{name}:{}", &line[1..])),
+    }
     denoiser.iter().for_each(|made| output.say(&format!("{name}:{}", &made.line()[1..])));
     frame.warnings.iter().for_each(|warning| output.say(&format!("{name}: note: {warning}")));
     let fitted = shared.engine.model().contract.features;

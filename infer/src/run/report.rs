@@ -6,13 +6,14 @@ use crate::clock;
 use serde::Serialize;
 use sspc_cli::DenoiserReport;
 use sspc_cli::passes::PassesReport;
-use sspc_cli::record::{FilledRole, peak_rss_bytes, shown_path};
+use sspc_cli::record::{FilledRole, SamplesReport, peak_rss_bytes, shown_path};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_core::composition::Composition;
 use sspc_core::correct::Corrected;
 use sspc_core::estimate::{Estimate, Losses};
 use sspc_core::frame_stats::{Findings, FrameStats};
 use sspc_core::independence::Independence;
+use sspc_frames::samples::HalfSamples;
 use sspc_image::RoleSource;
 use sspc_kernels::features::FeatureSet;
 use sspc_kernels::parameters::Form;
@@ -130,6 +131,8 @@ pub struct FrameReport {
     pub peak_rss_bytes: Option<u64>,
     /// Which channels filled which role.
     pub roles: Vec<FilledRole>,
+    /// The samples of each half, and what they weigh.
+    pub samples: SamplesReport,
     /// Which denoised pictures were made, where the files do not hold them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<DenoiserReport>,
@@ -195,6 +198,7 @@ impl FrameReport {
             first_tile_after: first_tile.map(|after| after.as_secs_f64()),
             peak_rss_bytes: peak_rss_bytes(),
             roles: roles.iter().map(Into::into).collect(),
+            samples: (&HalfSamples::UNKNOWN).into(),
             denoiser: None,
             passes: None,
             warnings,

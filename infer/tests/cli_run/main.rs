@@ -203,6 +203,19 @@ fn a_dry_run_writes_nothing() {
 }
 
 #[test]
+fn a_run_says_what_the_halves_weigh() {
+    let folder = shot();
+    let arguments = ["a.0001.exr", "b.0001.exr", "-o", "out/c.exr", "--samples-a", "6", "--samples-b", "2"];
+    let line = "samples of half a + half b: 6 + 2 (--samples-a, --samples-b); weights 0.750 + 0.250";
+    let described = run(folder.path(), &[&arguments[..], &["--dry-run"]].concat());
+    assert!(String::from_utf8_lossy(&described.stdout).contains(line), "{}", stderr(&described));
+    let corrected = run(folder.path(), &[&arguments[..], &["--json"]].concat());
+    assert!(corrected.status.success() && stderr(&corrected).contains(line), "{}", stderr(&corrected));
+    let samples = &report(&folder.path().join("out/c.json"))["samples"];
+    assert_eq!((samples["weights"][0].as_f64(), samples["source"].as_str()), (Some(0.75), Some("arguments")));
+}
+
+#[test]
 fn quiet_says_nothing() {
     let folder = shot();
     let output = run(folder.path(), &["a.0001.exr", "b.0001.exr", "-o", "out/c.exr", "--quiet"]);

@@ -25,6 +25,7 @@ pub(crate) const PICTURE_GRAPH: &str = "sspc_picture";
 /// Inputs: `radiance`, `denoised`, `albedo`, `normal` `[2, 3, H, W]`, `visibility` `[2, 1, H, W]` of half a and half b,
 /// `denoised_full` `[1, 3, H, W]`, and `exposure` and `strength` `[1]`. Network k of several takes
 /// `zK_denoised` and `zK_denoised_full` too, a model of shots `mean` and `mean_full`. Values may be NaN or infinite.
+/// The halves count as equally many samples, whatever a frame says: means of both are plain.
 /// Outputs: `picture` `[1, 3, H, W]` in the units of `denoised_full`, `share` `[1, 1, H, W]`, and `fallback` `[1]`: 0 where
 /// the correction stays.
 ///

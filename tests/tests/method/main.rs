@@ -6,3 +6,4 @@ mod means;
 mod objective;
 mod passes;
 mod variants;
+mod weights;

@@ -31,7 +31,8 @@ pub fn changed(frame: &Frame, change: impl Fn(&Image) -> Image) -> Frame {
         normal: h.normal.as_ref().map(&change),
         visibility: h.visibility.as_ref().map(&change),
     };
-    Frame { a: half(&frame.a), b: half(&frame.b), denoised: frame.denoised.as_ref().map(&change), variants: Vec::new() }
+    let denoised = frame.denoised.as_ref().map(&change);
+    Frame { a: half(&frame.a), b: half(&frame.b), denoised, variants: Vec::new(), weights: frame.weights }
 }
 
 /// The frame with all radiance times `factor`.
