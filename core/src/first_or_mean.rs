@@ -114,6 +114,7 @@ mod tests {
             set: FeatureSet::NONE,
             plan: Plan::everything(3, 5),
             variants: Vec::new(),
+            weights: sspc_image::HalfWeights::EQUAL,
             found: Findings::default(),
         };
         let corrected = |far: f32| [0, 1].map(|_| Image::filled(3, 3, 5, Z + far * (TRUTH - Z)));
