@@ -36,7 +36,7 @@ def corrected_halves(network, frame, radius=gc.RADIUS):
 
 
 def corrected_image(network, frame, radius=gc.RADIUS, weights=(0.5, 0.5)):
-    """The paper's result: max(0, w_a mu_hat^a + w_b mu_hat^b), [1, 3, H, W]; w are the halves' shares of the samples."""
+    """The paper's result: max(0, w_a mu_hat^a + w_b mu_hat^b), [1, 3, H, W]; w: the halves' shares of the samples."""
     a, b = corrected_halves(network, frame, radius)
     return (weights[0] * a + weights[1] * b).clamp_min(0)
 
