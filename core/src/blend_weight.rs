@@ -34,7 +34,6 @@ pub const LARGEST_SHARE: f32 = 1.0;
 pub const LARGEST_RESIDUAL: f32 = 5.0;
 
 /// Weighted sums by which a correction is judged, per pixel, both halves and all channels.
-#[derive(Clone)]
 pub(crate) struct Evidence {
     /// Σ w r·d
     agreement: Image,

@@ -95,12 +95,12 @@ impl Composer<'_> {
         let mut share = match self.composition {
             Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
             Composition::JudgedFullBuffer => {
-                let evidence = Evidence::of(prepared, &halves);
+                let evidence = || Evidence::of(prepared, &halves);
                 if self.judged_by_held_out {
-                    let share = self.weaken(evidence.clone().without_held_out().share());
+                    let share = self.weaken(evidence().without_held_out().share());
                     sums.held_out_gain = Some(estimate::held_out_gain(prepared, &halves, &share));
                 }
-                choice.map_or_else(|| evidence.share(), |choice| choice.share)
+                choice.map_or_else(|| evidence().share(), |choice| choice.share)
             }
         };
         if self.composition == Composition::JudgedFullBuffer {
