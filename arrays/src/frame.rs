@@ -3,6 +3,7 @@
 use sspc_cli::reading::InspectedFrame;
 use sspc_cli::{Code, Failure};
 use sspc_core::frame_stats::Exposure;
+use sspc_frames::samples::implausible;
 use sspc_image::{Buffer, DenoisedVariant, Frame, HalfBuffer, HalfWeights, Image, Role, RoleSource};
 use std::collections::BTreeMap;
 
@@ -36,6 +37,7 @@ pub struct GivenFrame {
     pictures: BTreeMap<(Role, Buffer), Image>,
     /// Further denoised pictures of the same samples, as `--denoised-more` gives them.
     further: Vec<DenoisedVariant>,
+    weights: HalfWeights,
 }
 
 impl GivenFrame {
@@ -47,6 +49,23 @@ impl GivenFrame {
     /// Adds a further denoised picture of both halves, and of the full buffer.
     pub fn put_denoised(&mut self, further: DenoisedVariant) {
         self.further.push(further);
+    }
+
+    /// Says how many samples per pixel half a and half b have: their weights in means of both, as `--samples-a` and
+    /// `--samples-b` are.
+    ///
+    /// # Errors
+    /// Counts that no two halves have.
+    pub fn weigh(&mut self, samples: [f64; 2]) -> Result<(), Failure> {
+        if let Some(why) = implausible(samples) {
+            return Err(Failure::new(
+                Code::Arguments,
+                format!("samples: {why}"),
+                "give the samples per pixel of each half",
+            ));
+        }
+        self.weights = HalfWeights::of_samples(samples);
+        Ok(())
     }
 
     /// The frame, looked over as the programs do with files.
@@ -88,8 +107,7 @@ impl GivenFrame {
             let first = [&a.denoised, &b.denoised].map(Image::clone);
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
-        // Arrays come without a word on their samples.
-        Ok(Frame { a, b, denoised, variants, weights: HalfWeights::EQUAL })
+        Ok(Frame { a, b, denoised, variants, weights: self.weights })
     }
 
     fn half(&mut self, half: Buffer) -> Result<HalfBuffer, Failure> {

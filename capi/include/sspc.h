@@ -140,6 +140,11 @@ typedef struct SspcFrame {
     const struct SspcDenoised *denoised_more;
     // How many there are.
     size_t denoised_more_count;
+    // Samples per pixel of half a, which say what it weighs in means of both halves; 0 where they are not known: halves
+    // weigh alike then.
+    double samples_a;
+    // Samples per pixel of half b; known where those of half a are.
+    double samples_b;
 } SspcFrame;
 
 // Told how far the work is: `done` from 0 to 1 never falls. Called on the thread that called `sspc_correct`, some hundred

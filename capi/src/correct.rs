@@ -69,6 +69,7 @@ struct Job {
     size: Size,
     given: Vec<(Role, Buffer, Given)>,
     further: Vec<Further>,
+    samples: Option<[f64; 2]>,
     picture: Wanted,
     share: Option<Wanted>,
 }
@@ -97,6 +98,7 @@ impl Job {
             size,
             given,
             further: further.collect::<Result<_, _>>()?,
+            samples: (frame.samples_a != 0.0 || frame.samples_b != 0.0).then_some([frame.samples_a, frame.samples_b]),
             picture: picture_wanted.ok_or_else(missing)?,
             share: Wanted::of("share", 1, size, &picture.share)?,
         })
@@ -121,6 +123,7 @@ impl Job {
         // SAFETY: the caller's promise.
         let read = |given: &Given| unsafe { given.read() };
         let mut frame = GivenFrame::default();
+        self.samples.map_or(Ok(()), |samples| frame.weigh(samples))?;
         for (role, buffer, given) in &self.given {
             frame.put(*role, *buffer, read(given));
         }

@@ -20,21 +20,26 @@ pub unsafe trait Growing: Copy {
 }
 
 macro_rules! growing {
-    ($structure:ty, $last:ident: $of:ty, $made_by:expr) => {
+    ($structure:ty, $made_by:expr, $first_last:ident: $of_first:ty $(, since then up to $last:ident: $of:ty)?) => {
         // SAFETY: repr(C), begins with `struct_size: usize`, and holds numbers, pointers and optional functions.
         unsafe impl Growing for $structure {
             const MADE_BY: &str = $made_by;
-            const FIRST_SIZE: usize = offset_of!($structure, $last) + size_of::<$of>();
+            const FIRST_SIZE: usize = offset_of!($structure, $first_last) + size_of::<$of_first>();
         }
         // In padding at the end a later field would not show in the size.
-        const _: () = assert!(<$structure as Growing>::FIRST_SIZE == size_of::<$structure>());
+        const _: () = {
+            #[allow(unused_mut, unused_assignments, reason = "of those that grew")]
+            let mut size = <$structure as Growing>::FIRST_SIZE;
+            $(size = offset_of!($structure, $last) + size_of::<$of>();)?
+            assert!(size == size_of::<$structure>());
+        };
     };
 }
 
-growing!(SspcFrame, denoised_more_count: usize, "sspc_frame");
-growing!(SspcOptions, user: *mut (), "sspc_options");
-growing!(SspcPicture, warnings: u32, "sspc_picture");
-growing!(SspcModelInfo, visibility: u32, "sspc_model_info");
+growing!(SspcFrame, "sspc_frame", denoised_more_count: usize, since then up to samples_b: f64);
+growing!(SspcOptions, "sspc_options", user: *mut ());
+growing!(SspcPicture, "sspc_picture", warnings: u32);
+growing!(SspcModelInfo, "sspc_model_info", visibility: u32);
 
 /// What the caller's structure says, in as far as the library knows it.
 ///

@@ -121,6 +121,11 @@ pub struct SspcFrame {
     pub denoised_more: *const SspcDenoised,
     /// How many there are.
     pub denoised_more_count: usize,
+    /// Samples per pixel of half a, which say what it weighs in means of both halves; 0 where they are not known: halves
+    /// weigh alike then.
+    pub samples_a: f64,
+    /// Samples per pixel of half b; known where those of half a are.
+    pub samples_b: f64,
 }
 
 /// Told how far the work is: `done` from 0 to 1 never falls. Called on the thread that called `sspc_correct`, some hundred

@@ -109,7 +109,7 @@ pub(crate) fn dot(p: [f32; 3], q: [f32; 3]) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::plan::Plan;
     use crate::prepare::Findings;
@@ -117,11 +117,11 @@ mod tests {
     use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
     use std::sync::Arc;
 
-    const TRUTH: f32 = 1.0;
-    const Z: f32 = 0.5;
+    pub(crate) const TRUTH: f32 = 1.0;
+    pub(crate) const Z: f32 = 0.5;
 
     /// Halves without noise: y is the truth, z is grey.
-    fn without_noise(height: usize, width: usize) -> Prepared {
+    pub(crate) fn without_noise(height: usize, width: usize) -> Prepared {
         let value = |c, _, _| if c >= DENOISED { Z } else { TRUTH };
         let half = Arc::new(Image::from_fn(FEATURE_CHANNELS, height, width, value));
         Prepared {

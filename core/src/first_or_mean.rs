@@ -94,29 +94,11 @@ fn weight_of_mean(mean: f32, first: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::blend_weight::Evidence;
-    use crate::plan::Plan;
-    use crate::prepare::Findings;
-    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-    use std::sync::Arc;
-
-    const TRUTH: f32 = 1.0;
-    const Z: f32 = 0.5;
+    use crate::blend_weight::tests::{TRUTH, Z, without_noise};
 
     /// Halves without noise, of which corrections go so far towards the truth: the first's and the mean's.
     fn chosen(first: f32, mean: f32) -> (f32, f32) {
-        let value = |c, _, _| if c >= DENOISED { Z } else { TRUTH };
-        let half = Arc::new(Image::from_fn(FEATURE_CHANNELS, 3, 5, value));
-        let prepared = Prepared {
-            exposure: 1.0,
-            halves: [half.clone(), half],
-            denoised: Image::filled(3, 3, 5, Z),
-            valid: None,
-            set: FeatureSet::NONE,
-            plan: Plan::everything(3, 5),
-            variants: Vec::new(),
-            weights: sspc_image::HalfWeights::EQUAL,
-            found: Findings::default(),
-        };
+        let prepared = without_noise(3, 5);
         let corrected = |far: f32| [0, 1].map(|_| Image::filled(3, 3, 5, Z + far * (TRUTH - Z)));
         let choice = choose(&prepared, &corrected(first), &corrected(mean));
         if choice.mean.at(0, 1, 2) == 1.0 {

@@ -86,7 +86,7 @@ impl Request {
         let isa = Isa::from_env()?;
         let (mut settings, warm) = self.settings()?;
         let limits = self.limits()?;
-        let InspectedFrame { frame, stats, warnings, .. } = frame.frame().inspect(settings.exposure)?;
+        let InspectedFrame { frame, stats, warnings, .. } = frame.frame()?.inspect(settings.exposure)?;
         let stats = stats.with_features_of(settings.features);
         check_signals()?;
         let (prepared, _) = prepare(frame, &stats, &settings);

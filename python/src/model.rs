@@ -60,7 +60,7 @@ impl Model {
             asked = Instant::now();
             watch.stops(|_| Ok(()))
         };
-        let work = |progress: &Progress| correct_frame(frame.frame(), &self.model, strength, true, progress);
+        let work = |progress: &Progress| correct_frame(frame.frame()?, &self.model, strength, true, progress);
         let corrected = watched(None, stops, work);
         watch.finish()?;
         let CorrectedFrame { corrected, report } = corrected?;

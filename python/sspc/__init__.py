@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from . import _native
-from ._arrays import INPUT, Reader, like
+from ._arrays import ARGUMENTS, INPUT, Reader, like
 from ._errors import Error, FrameWarning
 from ._native import Step
 
@@ -46,6 +46,8 @@ Array = TypeVar("Array")
 Preset = Literal["fast", "balanced", "quality", "paper"]
 
 _Denoised = tuple[bytes, bytes, bytes | None]
+# Height, width, the bytes of arrays by name, those of `denoised_more`, and the samples of both halves.
+_Frame = tuple[int, int, dict[str, bytes], list[_Denoised], tuple[float, float] | None]
 
 _REQUIRED = {"a", "b", "denoised_a", "denoised_b"}
 _CHANNELS = {"visibility_a": 1, "visibility_b": 1}
@@ -100,6 +102,7 @@ def fit(
     normal_b: Array | None = None,
     visibility_a: Array | None = None,
     visibility_b: Array | None = None,
+    samples: tuple[float, float] | None = None,
     preset: Preset = "balanced",
     seed: int = 1,
     steps: int | None = None,
@@ -113,7 +116,8 @@ def fit(
     Radiance `a`, `b` and the denoised pictures are (height, width, 3), albedo 0..1 and normal -1..1 too; visibility is
     (height, width) or (height, width, 1), 0..1. Without `denoised`, the mean of both denoised halves is corrected.
     `denoised_more` holds further pictures that denoisers made of the same halves, each as (half a, half b) or (half a,
-    half b, full buffer), as `--denoised-more` does: a network is fitted on each.
+    half b, full buffer), as `--denoised-more` does: a network is fitted on each. `samples` are the samples per pixel of
+    half a and half b, where they differ: what each weighs in means of both, as `--samples-a` and `--samples-b` say.
     `settings` changes single settings of the preset, as `--set` does. `init` is a model to start from, e.g. that of the
     previous frame. `progress` is called after every step; what it raises stops the fit and comes through, and so does
     KeyboardInterrupt.
@@ -122,6 +126,7 @@ def fit(
     """
     frame = _frame(
         denoised_more,
+        samples,
         a=a,
         b=b,
         denoised_a=denoised_a,
@@ -183,6 +188,7 @@ class Model:
         normal_b: Array | None = None,
         visibility_a: Array | None = None,
         visibility_b: Array | None = None,
+        samples: tuple[float, float] | None = None,
         strength: float = 1.0,
     ) -> Result[Array]:
         """Corrects a frame, as `sspc-infer run` does: the one that the model was fitted to, or another of the shot.
@@ -195,6 +201,7 @@ class Model:
         """
         frame = _frame(
             denoised_more,
+            samples,
             a=a,
             b=b,
             denoised_a=denoised_a,
@@ -314,7 +321,7 @@ def evaluate(
     given |= {name: value for name, value in optional.items() if value is not None}
     arrays = {name: reader.read(name, value, 3) for name, value in given.items()}
     if ("reference_a" in arrays) != ("reference_b" in arrays):
-        raise Error("reference_a, reference_b: expected both or neither, found one", "give both halves", 2)
+        raise Error("reference_a, reference_b: expected both or neither, found one", "give both halves", ARGUMENTS)
     halves = (arrays["reference_a"], arrays["reference_b"]) if "reference_a" in arrays else None
     used, own, beside = _native.evaluate(
         reader.size or (0, 0),
@@ -328,14 +335,14 @@ def evaluate(
     return Evaluation(Figures(*own), comparison, used)
 
 
-def _frame(more: Any, **roles: Any) -> tuple[int, int, dict[str, bytes], list[_Denoised]]:
-    """Height, width, the bytes of every array that was given, by its argument's name, and of `denoised_more`."""
+def _frame(more: Any, samples: Any, **roles: Any) -> _Frame:
+    """What the extension takes; every array that was given, by its argument's name."""
     reader = Reader()
     given = {name: value for name, value in roles.items() if value is not None or name in _REQUIRED}
     arrays = {name: reader.read(name, value, _CHANNELS.get(name, 3)) for name, value in given.items()}
     further = [_denoised(reader, f"denoised_more[{at}]", pictures) for at, pictures in enumerate(more)]
     height, width = reader.size or (0, 0)
-    return height, width, arrays, further
+    return height, width, arrays, further, _samples(samples)
 
 
 def _denoised(reader: Reader, name: str, pictures: Any) -> _Denoised:
@@ -348,6 +355,17 @@ def _denoised(reader: Reader, name: str, pictures: Any) -> _Denoised:
     a, b, full = (*pictures, None)[:3]
     halves = (reader.read(f"{name}[0]", a, 3), reader.read(f"{name}[1]", b, 3))
     return (*halves, None if full is None else reader.read(f"{name}[2]", full, 3))
+
+
+def _samples(samples: Any) -> tuple[float, float] | None:
+    if samples is None:
+        return None
+    try:
+        a, b = (float(count) for count in samples)
+    except (TypeError, ValueError):
+        advice = "give samples=(32, 8), the samples per pixel of each half"
+        raise Error(f"samples: expected two numbers, found {samples!r}", advice, ARGUMENTS) from None
+    return a, b
 
 
 def _warn(texts: list[str]) -> None:

@@ -9,6 +9,9 @@ import numpy as np
 
 from ._errors import Error
 
+ARGUMENTS = 2
+"""Exit code of the programs for arguments that make no sense."""
+
 INPUT = 3
 """Exit code of the programs for an input that is not what it should be."""
 

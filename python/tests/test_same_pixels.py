@@ -1,6 +1,7 @@
 """Pictures and models are those of the programs, bit for bit."""
 
 import json
+import re
 
 import numpy as np
 import onnx
@@ -171,3 +172,31 @@ def test_several_denoised_pictures(tmp_path, frame):
     with pytest.raises(sspc.Error, match="the model wants 3 denoised pictures of each half, found 2") as refused:
         model.correct(**frame, denoised_more=more[:1])
     assert refused.value.code == 3
+
+
+def test_halves_of_unequal_samples(tmp_path, frame):
+    options = ["--samples-a", "32", "--samples-b", "8"]
+    arguments = write_frame(tmp_path, frame)
+    picture, file, _ = fitted(tmp_path, arguments, *options, "--steps=6")
+    model = sspc.fit(**frame, samples=(32, 8), steps=6)
+    result = model.correct(**frame, samples=(32, 8))
+    assert same_bits(result.picture, picture)
+    assert not same_bits(result.picture, model.correct(**frame).picture)
+    by_run, _ = corrected(tmp_path, arguments, file, *options)
+    assert same_bits(result.picture, by_run)
+
+
+@pytest.mark.parametrize(
+    ("samples", "message"),
+    [
+        ((0, 8), "samples: half a has 0 samples"),
+        ((8, float("nan")), "samples: half b has NaN samples"),
+        ((1, 1000), "samples: halves of 1 and 1000 samples"),
+        ((8,), "samples: expected two numbers, found (8,)"),
+        (8, "samples: expected two numbers, found 8"),
+    ],
+)
+def test_samples_that_no_halves_have_are_refused(samples, message, frame):
+    with pytest.raises(sspc.Error, match=re.escape(message)) as refused:
+        sspc.fit(**frame, samples=samples, steps=1)
+    assert refused.value.code == 2

@@ -5,9 +5,10 @@ use sspc_core::composition::Composition;
 use sspc_core::correct::{Corrected, CorrectionSettings};
 use sspc_core::frame_stats::FrameStats;
 use sspc_core::plan::Plan;
+use sspc_core::rng::Rng;
 use sspc_core::tiles::{self, ParameterSource};
 use sspc_image::{Frame, Image};
-use sspc_kernels::network::{Network, WindowNetwork};
+use sspc_kernels::network::{Network, Shape, WindowNetwork};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
 use sspc_onnx::Contract;
@@ -40,13 +41,26 @@ pub fn window_network(form: Form, network: &Network) -> WindowNetwork {
     WindowNetwork::new(Isa::best(), form, network)
 }
 
+/// A small network of random weights, whose outputs are the parameters of `form`.
+pub fn random_network(form: Form, seed: u64) -> WindowNetwork {
+    let shape = Shape { hidden: 4, layers: 2, outputs: form.parameters() };
+    let mut rng = Rng::new(seed);
+    let weights = (0..shape.parameter_count()).map(|_| rng.uniform() * 0.4 - 0.2).collect();
+    window_network(form, &Network { shape, weights })
+}
+
 /// A correction as a model's contract asks for it, at full strength, in bands as large as fit.
 pub fn settings(contract: &Contract) -> CorrectionSettings {
+    settings_of(contract.form, contract.window_radius, contract.composition)
+}
+
+/// The same by what of a contract it needs.
+pub fn settings_of(form: Form, window_radius: usize, composition: Composition) -> CorrectionSettings {
     CorrectionSettings {
         isa: Isa::best(),
-        form: contract.form,
-        window_radius: contract.window_radius,
-        composition: contract.composition,
+        form,
+        window_radius,
+        composition,
         strength: 1.0,
         rows: None,
         judged_by_held_out: false,

@@ -1,19 +1,18 @@
 //! Halves of a real frame that are not what they claim to be: what is made of them is never worse than the denoiser's.
 //! (`bench/trust` does the same with a denoiser and training, on frames that are not in the repository.)
 
-use sspc_core::bands::FrameBands;
 use sspc_core::composition::Composition;
-use sspc_core::correct::{Corrected, CorrectionSettings, correct};
+use sspc_core::correct::Corrected;
 use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_core::trust::{Distrust, Trust};
 use sspc_image::{Frame, Image};
 use sspc_kernels::gc::PAPER_RADIUS;
-use sspc_kernels::network::{Shape, WindowNetwork};
+use sspc_kernels::network::Shape;
 use sspc_kernels::parameters::Form;
-use sspc_kernels::simd::Isa;
 use sspc_testkit::frames::whole_sample;
+use sspc_testkit::method::{correct, settings_of, window_network};
 
 /// Texture, the denoiser's traces of noise and 192 blocks move a measured correlation by so much.
 const NEAR: f64 = 0.1;
@@ -42,23 +41,10 @@ fn correlated(rho: f32) -> Frame {
 /// The frame corrected with an untrained network.
 fn corrected(frame: &Frame) -> Corrected {
     let form = Form::Gated;
-    let (isa, shape) = (Isa::best(), Shape::shallow(form));
-    let network = start::analytic(shape, 0.8, &mut Rng::new(1));
-    let how = CorrectionSettings {
-        isa,
-        form,
-        window_radius: PAPER_RADIUS,
-        composition: Composition::JudgedFullBuffer,
-        strength: 1.0,
-        rows: None,
-        judged_by_held_out: false,
-        keep_maps: false,
-    };
-    let mut bands = FrameBands::new(frame, FrameStats::of(frame, Exposure::Normalised), true);
-    match correct(&mut bands, &WindowNetwork::new(isa, form, &network), &how, &|| false) {
-        Ok(corrected) => corrected,
-        Err(_) => panic!("a frame in memory can be corrected"),
-    }
+    let network = start::analytic(Shape::shallow(form), 0.8, &mut Rng::new(1));
+    let how = settings_of(form, PAPER_RADIUS, Composition::JudgedFullBuffer);
+    let stats = FrameStats::of(frame, Exposure::Normalised);
+    correct(frame, stats, &window_network(form, &network), &how)
 }
 
 fn trust(frame: &Frame) -> Trust {

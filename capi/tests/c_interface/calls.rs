@@ -80,7 +80,7 @@ fn refused(change: impl FnOnce(&mut SspcFrame, &mut SspcOptions, &mut SspcPictur
 #[test]
 fn arguments_that_make_no_sense_are_refused() {
     type Change = fn(&mut SspcFrame, &mut SspcOptions, &mut SspcPicture);
-    let cases: [(Change, &str); 11] = [
+    let cases: [(Change, &str); 13] = [
         (|frame, _, _| frame.width = 0, "frame: expected 1 to 65536 pixels a side"),
         (|frame, _, _| frame.height = SSPC_MAX_SIDE + 1, "found 75 x 65537"),
         (|frame, _, _| frame.struct_size = 8, "frame.struct_size: expected at least 472, found 8"),
@@ -94,6 +94,8 @@ fn arguments_that_make_no_sense_are_refused() {
             "a.layout.row_stride: expected values within the memory of a process",
         ),
         (|frame, _, _| frame.denoised_more_count = 2, "denoised_more: expected 2 pictures, found NULL"),
+        (|frame, _, _| frame.samples_b = 8.0, "samples: half a has 0 samples"),
+        (|frame, _, _| (frame.samples_a, frame.samples_b) = (1.0, 1e3), "samples: halves of 1 and 1000 samples"),
         (|_, options, _| options.threads = 5000, "threads: expected 0 to 1024, found 5000"),
         (|_, options, _| options.strength = f32::NAN, "strength NaN: expected a number from 0 to 1"),
         (

@@ -67,6 +67,24 @@ fn the_picture_is_that_of_the_program() {
 }
 
 #[test]
+fn halves_weigh_what_they_hold() {
+    let files = Files::write();
+    let model = model(Form::Gated, 1);
+    let options_of_samples = ["--samples-a", "32", "--samples-b", "8"].map(String::from);
+    let arguments = [files.roles(), options_of_samples.to_vec()].concat();
+    let (expected, _) = files.run(&files.model(&model), &arguments);
+    let in_memory = InMemory::read(&files, &[PACKED], |image| image);
+    let (mut frame, mut room) = (in_memory.frame(), Laid::room(Layout::default(), 3, HEIGHT, WIDTH));
+    let mut picture_by = |samples: [f64; 2]| {
+        [frame.samples_a, frame.samples_b] = samples;
+        assert_eq!(correct(&Loaded::of(&model), &frame, &options(), &mut picture(room.output())), SSPC_OK);
+        room.image()
+    };
+    assert!(picture_by([32.0, 8.0]) == expected);
+    assert!(picture_by([0.0, 0.0]) != expected);
+}
+
+#[test]
 fn layouts_do_not_show() {
     let files = Files::write();
     let model = Loaded::of(&model(Form::Gated, 1));

@@ -3,13 +3,10 @@
 use sspc_core::composition::Composition;
 use sspc_core::correct::CorrectionSettings;
 use sspc_core::prepare::{Exposure, FrameStats};
-use sspc_core::rng::Rng;
-use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::Form;
-use sspc_kernels::simd::Isa;
 use sspc_testkit::closeness::assert_images_close;
 use sspc_testkit::frames::with_missing_pixel;
-use sspc_testkit::method::{correct, window_network};
+use sspc_testkit::method::{correct, random_network, settings_of};
 
 /// The box means add rows in another order: f64 sums of f32 values, rounded to f32.
 const TOLERANCE: f64 = 1e-5;
@@ -19,24 +16,10 @@ fn bands_give_the_same_picture_and_the_same_figures() {
     let (height, width) = (150, 21);
     let frame = with_missing_pixel(height, width);
     let stats = FrameStats::of(&frame, Exposure::Normalised);
-    let form = Form::Gated;
-    let shape = Shape { hidden: 4, layers: 2, outputs: form.parameters() };
-    let mut rng = Rng::new(2);
-    let weights = (0..shape.parameter_count()).map(|_| rng.uniform() * 0.4 - 0.2).collect();
-    let network = window_network(form, &Network { shape, weights });
+    let network = random_network(Form::Gated, 2);
     for composition in [Composition::MeanOfHalves, Composition::JudgedFullBuffer] {
         let run = |rows| {
-            let isa = Isa::best();
-            let how = CorrectionSettings {
-                isa,
-                form,
-                window_radius: 9,
-                composition,
-                judged_by_held_out: false,
-                strength: 1.0,
-                rows: Some(rows),
-                keep_maps: true,
-            };
+            let how = CorrectionSettings { rows: Some(rows), ..settings_of(Form::Gated, 9, composition) };
             correct(&frame, stats, &network, &how)
         };
         let (whole, banded) = (run(height), run(48));

@@ -5,14 +5,11 @@ use sspc_core::composition::Composition;
 use sspc_core::correct::CorrectionSettings;
 use sspc_core::passes::{Layout, PassRows, PassSource, split};
 use sspc_core::prepare::{Exposure, FrameStats};
-use sspc_core::rng::Rng;
 use sspc_image::{Frame, Image, Storage};
-use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::Form;
-use sspc_kernels::simd::Isa;
 use sspc_testkit::closeness::assert_images_close;
 use sspc_testkit::frames::with_missing_pixel;
-use sspc_testkit::method::{correct, window_network};
+use sspc_testkit::method::{correct, random_network, settings_of};
 use std::convert::Infallible;
 use std::ops::Range;
 
@@ -47,25 +44,14 @@ fn passes_of(frame: &Frame, count: usize, share: impl Fn(usize, usize) -> f32 + 
 }
 
 fn settings(rows: usize, strength: f32) -> CorrectionSettings {
-    CorrectionSettings {
-        isa: Isa::best(),
-        form: Form::Gated,
-        window_radius: 9,
-        composition: Composition::JudgedFullBuffer,
-        judged_by_held_out: false,
-        strength,
-        rows: Some(rows),
-        keep_maps: false,
-    }
+    let usual = settings_of(Form::Gated, 9, Composition::JudgedFullBuffer);
+    CorrectionSettings { strength, rows: Some(rows), keep_maps: false, ..usual }
 }
 
 /// The picture and its passes.
 fn corrected(frame: &Frame, passes: &mut Held, rows: usize, strength: f32) -> (Image, Vec<Image>) {
     let stats = FrameStats::of(frame, Exposure::Normalised);
-    let shape = Shape { hidden: 4, layers: 2, outputs: Form::Gated.parameters() };
-    let mut rng = Rng::new(2);
-    let weights = (0..shape.parameter_count()).map(|_| rng.uniform() * 0.4 - 0.2).collect();
-    let network = window_network(Form::Gated, &Network { shape, weights });
+    let network = random_network(Form::Gated, 2);
     let how = settings(rows, strength);
     let picture = correct(frame, stats, &network, &how).picture;
     let mut made: Vec<Image> =

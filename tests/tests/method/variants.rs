@@ -5,12 +5,11 @@ use sspc_core::correct::{Corrected, CorrectionSettings};
 use sspc_core::prepare::{Exposure, FrameStats};
 use sspc_core::rng::Rng;
 use sspc_image::{DenoisedVariant, Frame, Image};
-use sspc_kernels::network::{Network, Shape, WindowNetwork};
+use sspc_kernels::network::WindowNetwork;
 use sspc_kernels::parameters::Form;
-use sspc_kernels::simd::Isa;
 use sspc_testkit::closeness::assert_images_close;
 use sspc_testkit::frames::{frame_of, textured};
-use sspc_testkit::method::{correct, window_network};
+use sspc_testkit::method::{correct, random_network, settings_of};
 
 /// Means of f32 values in another order.
 const TOLERANCE: f64 = 1e-5;
@@ -18,10 +17,7 @@ const FORM: Form = Form::Gated;
 const SIZE: (usize, usize) = (70, 40);
 
 fn network(seed: u64) -> WindowNetwork {
-    let shape = Shape { hidden: 4, layers: 2, outputs: FORM.parameters() };
-    let mut rng = Rng::new(seed);
-    let weights = (0..shape.parameter_count()).map(|_| rng.uniform() * 0.4 - 0.2).collect();
-    window_network(FORM, &Network { shape, weights })
+    random_network(FORM, seed)
 }
 
 fn frame() -> Frame {
@@ -48,16 +44,7 @@ fn in_place_of_z(frame: &Frame, variant: &DenoisedVariant) -> Frame {
 }
 
 fn run(frame: &Frame, networks: &[WindowNetwork], composition: Composition, rows: usize) -> Corrected {
-    let how = CorrectionSettings {
-        isa: Isa::best(),
-        form: FORM,
-        window_radius: 5,
-        composition,
-        strength: 1.0,
-        rows: Some(rows),
-        judged_by_held_out: false,
-        keep_maps: true,
-    };
+    let how = CorrectionSettings { rows: Some(rows), ..settings_of(FORM, 5, composition) };
     correct(frame, FrameStats::of(frame, Exposure::AsIs), networks, &how)
 }
 

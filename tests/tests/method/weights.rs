@@ -6,12 +6,10 @@ use sspc_core::prepare::{Exposure, FrameStats, Guides, Prepared};
 use sspc_core::rng::Rng;
 use sspc_image::{Frame, HalfWeights, Image};
 use sspc_kernels::features::{ALBEDO, DENOISED, RADIANCE};
-use sspc_kernels::network::{Network, Shape};
 use sspc_kernels::parameters::Form;
-use sspc_kernels::simd::Isa;
 use sspc_testkit::closeness::assert_images_close;
 use sspc_testkit::frames::{frame_of, textured};
-use sspc_testkit::method::{correct, window_network};
+use sspc_testkit::method::{correct, random_network, settings_of};
 
 /// Sums of f32 values in another order.
 const TOLERANCE: f64 = 2e-5;
@@ -25,21 +23,8 @@ fn frame(seed: u64, (height, width): (usize, usize), samples: [f64; 2]) -> Frame
 }
 
 fn run(frame: &Frame, composition: Composition) -> Corrected {
-    let shape = Shape { hidden: 4, layers: 2, outputs: FORM.parameters() };
-    let mut rng = Rng::new(3);
-    let weights = (0..shape.parameter_count()).map(|_| rng.uniform() * 0.4 - 0.2).collect();
-    let network = window_network(FORM, &Network { shape, weights });
-    let how = CorrectionSettings {
-        isa: Isa::best(),
-        form: FORM,
-        window_radius: 5,
-        composition,
-        strength: 1.0,
-        rows: Some(32),
-        judged_by_held_out: false,
-        keep_maps: true,
-    };
-    correct(frame, FrameStats::of(frame, Exposure::AsIs), &[network][..], &how)
+    let how = CorrectionSettings { rows: Some(32), ..settings_of(FORM, 5, composition) };
+    correct(frame, FrameStats::of(frame, Exposure::AsIs), &random_network(FORM, 3), &how)
 }
 
 fn swapped(frame: &Frame, samples: [f64; 2]) -> Frame {

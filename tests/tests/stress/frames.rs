@@ -1,12 +1,12 @@
 //! Frames in a file's units, and the whole way from frame to picture.
 
-use sspc_core::correct::{Corrected, CorrectionSettings};
+use sspc_core::correct::Corrected;
 use sspc_core::prepare::{FrameStats, Prepared};
 use sspc_image::{Frame, HalfBuffer, Image};
 use sspc_kernels::network::Network;
 use sspc_kernels::simd::Isa;
 use sspc_testkit::frames::{frame_of, whole_sample};
-use sspc_testkit::method::{correct, window_network};
+use sspc_testkit::method::{correct, settings_of, window_network};
 use sspc_train::backend::Backend;
 use sspc_train::fit::{Control, Fitted, Limits, fit, starting_network};
 use sspc_train::preset::Settings;
@@ -55,15 +55,6 @@ pub fn fitted(prepared: &Prepared, settings: &Settings, steps: Option<usize>) ->
 
 /// Corrects a frame as the command line does.
 pub fn corrected(frame: &Frame, stats: FrameStats, settings: &Settings, network: &Network) -> Corrected {
-    let how = CorrectionSettings {
-        isa: Isa::best(),
-        form: settings.form,
-        window_radius: settings.radius,
-        composition: settings.composition,
-        judged_by_held_out: false,
-        strength: 1.0,
-        rows: None,
-        keep_maps: true,
-    };
+    let how = settings_of(settings.form, settings.radius, settings.composition);
     correct(frame, stats, &window_network(settings.form, network), &how)
 }
