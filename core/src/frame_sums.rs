@@ -32,6 +32,8 @@ pub struct FrameSums {
     pub(crate) held_out_gain: Option<Blocks>,
     pub(crate) error_denoised: Errors,
     pub(crate) error_corrected: Errors,
+    /// The first less the second.
+    pub(crate) error_gain: Errors,
 }
 
 /// The judgement of a whole picture.
@@ -49,9 +51,10 @@ pub struct Verdict {
     pub fallback: Option<String>,
 }
 
-/// Quantities of a pixel: losses of z, of the blended and of the whole correction, gain, and the errors of z and of the
-/// blended correction under the finished and the denoised picture's brightness.
-const QUANTITIES: usize = 8;
+/// Quantities of a pixel: losses of z, of the blended and of the whole correction, gain, and the errors of z, of the
+/// blended correction and the first less the second, under the finished and the denoised picture's brightness each; then the
+/// squares of those three under the finished one's.
+const QUANTITIES: usize = 13;
 /// Those of a block, and its valid values.
 type BlockSum = ([f64; QUANTITIES], f64);
 
@@ -77,14 +80,17 @@ impl FrameSums {
             })
             .collect();
         let of = |n: usize| Blocks(blocks.iter().flatten().map(|(sums, count)| (sums[n], *count)).collect());
+        let squares = |n: usize| blocks.iter().flatten().map(|(sums, _)| sums[n]).collect();
+        let errors = |n: usize, square| Errors { finished: of(n), denoised: of(n + 1), squares: squares(square) };
         Self {
             loss_denoised: of(0),
             loss_corrected: of(1),
             loss_unjudged: of(2),
             gain: of(3),
             held_out_gain: None,
-            error_denoised: Errors { finished: of(4), denoised: of(5) },
-            error_corrected: Errors { finished: of(6), denoised: of(7) },
+            error_denoised: errors(4, 10),
+            error_corrected: errors(6, 11),
+            error_gain: errors(8, 12),
         }
     }
 
@@ -99,6 +105,7 @@ impl FrameSums {
         }
         self.error_denoised.append(next.error_denoised);
         self.error_corrected.append(next.error_corrected);
+        self.error_gain.append(next.error_gain);
     }
 
     /// Whether the correction stays, and what the frame says of the error.
@@ -107,18 +114,15 @@ impl FrameSums {
             Composition::MeanOfHalves => None,
             Composition::JudgedFullBuffer => self.fallback(trust),
         };
-        let (loss, error) = match fallback {
-            Some(_) => (&self.loss_denoised, &self.error_denoised),
-            None => (&self.loss_corrected, &self.error_corrected),
+        let nothing = self.error_gain.nothing();
+        let (loss, error, gain) = match fallback {
+            Some(_) => (&self.loss_denoised, &self.error_denoised, &nothing),
+            None => (&self.loss_corrected, &self.error_corrected, &self.error_gain),
         };
         Verdict {
             model_loss: self.loss_unjudged.mean().value,
             loss: Losses { denoised: self.loss_denoised.mean().value, corrected: loss.mean().value },
-            estimate: Estimate {
-                denoised: self.error_denoised.mean(),
-                corrected: error.mean(),
-                gain: self.error_denoised.less(error).mean(),
-            },
+            estimate: Estimate::of(&self.error_denoised, error, gain),
             held_out_gain: self.held_out_gain(),
             fallback,
         }
@@ -255,16 +259,9 @@ impl<'a> Pixels<'a> {
         let error = |i: usize| squared[i] - variance + (w_a - 0.5) * differ[i] - w_a * w_b * apart[i];
         let [of_z, of_blended] = [error(0), error(1)];
         let [loss_z, loss_blended, loss_corrected, gain] = losses;
-        [
-            loss_z,
-            loss_blended,
-            loss_corrected,
-            gain,
-            of_z / finished,
-            of_z / denoised,
-            of_blended / finished,
-            of_blended / denoised,
-        ]
+        let errors = [of_z, of_blended, of_z - of_blended];
+        let [[z, z_by_z], [x, x_by_z], [fall, fall_by_z]] = errors.map(|error| [error / finished, error / denoised]);
+        [loss_z, loss_blended, loss_corrected, gain, z, z_by_z, x, x_by_z, fall, fall_by_z, z * z, x * x, fall * fall]
     }
 }
 
