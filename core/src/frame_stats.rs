@@ -32,7 +32,7 @@ pub struct Findings {
     pub missing_pixels: usize,
     /// Pixels with NaN or Inf in a feature that is usable elsewhere: it is missing there, and only there.
     pub pixels_without_feature: usize,
-    /// Negative colour values: 0 to the method, left as they are where the denoiser's are.
+    /// Negative colour values: noisy ones count as they are, the denoiser's are 0 to the method and stay in the picture.
     pub negative_values: usize,
 }
 
@@ -248,11 +248,11 @@ fn without_feature(band: &Frame, unusable: FeatureSet) -> usize {
     if present.is_empty() { 0 } else { (0..band.height() * band.width()).filter(is_missing).count() }
 }
 
-/// Whether a valid pixel of row `y` has another radiance in the other half, negative values counting as 0.
+/// Whether a valid pixel of row `y` has another radiance in the other half.
 fn noisy_row(band: &Frame, valid: &[f32], y: usize) -> bool {
     (0..3).any(|c| {
         let pairs = band.a.radiance.row(c, y).iter().zip(band.b.radiance.row(c, y)).zip(valid);
-        pairs.into_iter().any(|((a, b), ok)| *ok != 0.0 && a.max(0.0) != b.max(0.0))
+        pairs.into_iter().any(|((a, b), ok)| *ok != 0.0 && a != b)
     })
 }
 

@@ -24,6 +24,7 @@
 //! | [`fill`] | values of missing pixels |
 //! | [`correct`] | all of it: the one way from a frame and a network to the picture |
 //! | [`passes`] | additive passes of the picture |
+//! | [`useful`] | whether a variant of z says anything of its error |
 //! | `unlike` | whether the model suits the frame |
 #![forbid(unsafe_code)]
 
@@ -56,5 +57,6 @@ pub mod start;
 pub mod tiles;
 pub mod trust;
 mod unlike;
+pub mod useful;
 
 pub use blend_weight::LARGEST_SHARE;

@@ -36,6 +36,9 @@ pub struct Prepared {
     pub found: Findings,
 }
 
+/// Radiance near the end of f32 must not overflow when squared and summed.
+const LARGEST: f32 = 1e15;
+
 /// Another z in the method's units: of half a, of half b and of the full buffer, `[3, H, W]` each, clamped at 0, zero at
 /// missing pixels, and z itself where it has no finite value of its own.
 #[derive(Clone, Debug)]
@@ -56,7 +59,7 @@ impl Variant {
                 let own = |x: usize| (0..3).all(|c| picture.at(c, y, x).is_finite());
                 let pixels = picture.row(c, y).iter().zip(ground.row(c, y)).enumerate();
                 let source: Vec<f32> = pixels.map(|(x, (v, z))| if own(x) { *v } else { *z }).collect();
-                fill_colour(&source, valid.row(0, y), exposure, row);
+                fill_denoised(&source, valid.row(0, y), exposure, row);
             })
         };
         let [a, b] = [0, 1].map(|h| of(&variant.halves[h], ground[h]));
@@ -225,7 +228,7 @@ pub fn baseline(frame: &Frame) -> Cow<'_, Image> {
 /// A picture in the method's units.
 fn colour(picture: &Image, exposure: f32, valid: &Image) -> Image {
     Image::from_rows(3, picture.height(), picture.width(), |c, y, row| {
-        fill_colour(picture.row(c, y), valid.row(0, y), exposure, row);
+        fill_denoised(picture.row(c, y), valid.row(0, y), exposure, row);
     })
 }
 
@@ -243,8 +246,8 @@ fn half_features(
         let valid = valid.row(0, y);
         let of = |feature: usize| present[feature].as_ref().map(|image| image.row(0, y));
         match c {
-            RADIANCE..ALBEDO => fill_colour(half.radiance.row(c - RADIANCE, y), valid, exposure, row),
-            DENOISED.. => fill_colour(half.denoised.row(c - DENOISED, y), valid, exposure, row),
+            RADIANCE..ALBEDO => fill_radiance(half.radiance.row(c - RADIANCE, y), valid, exposure, row),
+            DENOISED.. => fill_denoised(half.denoised.row(c - DENOISED, y), valid, exposure, row),
             ALBEDO..VISIBILITY => fill_feature(albedo.map(|f| f.row(c - ALBEDO, y)), valid, of(0), row),
             VISIBILITY => fill_feature(visibility.map(|f| f.row(0, y)), valid, of(2), row),
             _ => fill_feature(normal.map(|f| f.row(c - NORMAL, y)), valid, of(1), row),
@@ -263,10 +266,19 @@ fn fill_feature(source: Option<&[f32]>, valid: &[f32], present: Option<&[f32]>, 
     }
 }
 
-/// Scales and clamps a row of a colour.
-fn fill_colour(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) {
+/// Scales a row of a denoised picture; it knows no negative light.
+fn fill_denoised(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) {
+    fill_colour(source, valid, exposure, 0.0, out);
+}
+
+/// Scales a row of noisy radiance. Filters with negative lobes make it negative where it is dark by chance, and cut off at 0 it
+/// would be too bright in the mean.
+fn fill_radiance(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) {
+    fill_colour(source, valid, exposure, -LARGEST, out);
+}
+
+fn fill_colour(source: &[f32], valid: &[f32], exposure: f32, least: f32, out: &mut [f32]) {
     for ((out, v), ok) in out.iter_mut().zip(source).zip(valid) {
-        // Radiance near the end of f32 must not overflow when squared and summed.
-        *out = if *ok != 0.0 { (v * exposure).clamp(0.0, 1e15) } else { 0.0 };
+        *out = if *ok != 0.0 { (v * exposure).clamp(least, LARGEST) } else { 0.0 };
     }
 }

@@ -85,7 +85,9 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
         "of-noise" => Exposure::OfNoise,
         found => return Err(key_error("exposure", "`as-is`, `normalised` or `of-noise`", found)),
     };
-    entries.same("exposure_rule", exposure_rule(exposure))?;
+    if entries.text("exposure_rule")? != earlier_exposure_rule(exposure) {
+        entries.same("exposure_rule", exposure_rule(exposure))?;
+    }
     entries.same("padding", PADDING)?;
     let shape = Shape {
         hidden: entries.within("hidden_channels", 1, MAX_HIDDEN)?,

@@ -19,8 +19,11 @@ use sspc_cli::shot::settings::{MotionSearch, ShotSettings};
 use sspc_cli::{Code, Denoising, Failure, FrameJob, UnaskedModes, interrupt};
 use sspc_core::estimate::Mean;
 use sspc_core::frame_sums::Verdict;
+use sspc_core::objective::triple;
 use sspc_core::prepare::Prepared;
 use sspc_core::trust::Trust;
+use sspc_core::useful::{LEAST_SHARE, share_of_variant};
+use sspc_kernels::features::DENOISED;
 use sspc_kernels::network::Network;
 use sspc_kernels::simd::Isa;
 use std::time::{Duration, Instant};
@@ -65,7 +68,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
             frames.push(read(job.clone(), shot.as_ref(), &view, &settings, &denoising, &args.frame.passes)?);
         }
     }
-    let (mut inputs, prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
+    let (mut inputs, mut prepared): (Vec<Input>, Vec<Prepared>) = frames.into_iter().unzip();
     inputs.iter().for_each(|input| say_what_was_read(&output, input));
     let read_seconds = start.elapsed().as_secs_f64();
     if args.run.dry_run {
@@ -74,6 +77,12 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let folder = OutputFolder::open(&args.output)?;
     check_outputs(&folder, args, &overrides, &inputs)?;
 
+    let made = inputs.first().and_then(|input| input.denoiser.as_ref()).map_or(0, |denoiser| denoiser.modes.len());
+    let left_out = leave_out_useless(&mut prepared, initial.is_some(), made);
+    for note in left_out {
+        output.say(&format!("  note: {note}"));
+        inputs.iter_mut().for_each(|input| input.warnings.push(note.clone()));
+    }
     let initial = initial_networks(initial, &mut settings, &prepared)?;
     // Without any of the correction there is nothing to train for.
     let steps = if args.run.strength == 0.0 { Some(0) } else { args.steps };
@@ -152,6 +161,36 @@ fn shot<'a>(
     settings.motion = motion;
     said.iter().for_each(|line| output.say(line));
     Ok(Some(Shot::new(files, settings, denoising)))
+}
+
+/// Takes out of all frames the further denoised pictures that say nothing of the error of z: what is fitted is what would be
+/// without them. The last `made` are a denoiser's, whose modes a model keeps. Where networks have `learned` already, they know
+/// what they are given. A note for each that is left out.
+pub fn leave_out_useless(prepared: &mut [Prepared], learned: bool, made: usize) -> Vec<String> {
+    let count = prepared.first().map_or(0, |frame| frame.variants.len());
+    if learned || prepared.iter().any(|frame| frame.variants.len() != count) {
+        return Vec::new();
+    }
+    let mut notes = Vec::new();
+    for k in (1..count.saturating_sub(made)).rev() {
+        let share = share_of_variant(prepared, k);
+        if share < LEAST_SHARE {
+            prepared.iter_mut().for_each(|frame| drop(frame.variants.remove(k)));
+            notes.push(format!(
+                "further denoised picture {k} leads nowhere from the first one (share {share:.4}): it is left out, and `run` must \
+                 not be given it either"
+            ));
+        }
+    }
+    for frame in prepared {
+        if let [only] = &frame.variants[..]
+            && (0..2).all(|h| triple(&frame.halves[h], DENOISED).data() == only.halves[h].data())
+        {
+            frame.variants.clear();
+        }
+    }
+    notes.reverse();
+    notes
 }
 
 /// The networks to start from: as many as every frame has variants of z. Without `warm` ones, which have learned already,

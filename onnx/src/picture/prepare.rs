@@ -60,8 +60,9 @@ pub(super) fn prepare(g: &mut Ops, model: &Model) {
     let both = g.mul(&finite[0], &finite[1]);
     g.graph.op("Mul", &[&both, &finite[2]], Named::VALID);
     let is_valid = g.is_set(Named::VALID);
-    for (input, name) in colours.into_iter().zip([Named::Y, Named::Z, Named::FULL_Z]) {
-        let scaled = colour(g, input, &is_valid);
+    let least = [-LARGEST_COLOUR, 0.0, 0.0];
+    for ((input, name), least) in colours.into_iter().zip([Named::Y, Named::Z, Named::FULL_Z]).zip(least) {
+        let scaled = colour(g, input, &is_valid, least);
         g.graph.op("Identity", &[&scaled], name);
     }
     let fitted = model.contract.features;
@@ -82,7 +83,7 @@ pub(super) fn prepare(g: &mut Ops, model: &Model) {
                 Some(inputs) => {
                     let finite = g.is_finite(&inputs[i]);
                     let finite = g.channels("ReduceMin", &finite);
-                    let own = colour(g, &inputs[i], &is_valid);
+                    let own = colour(g, &inputs[i], &is_valid, 0.0);
                     g.choose(&finite, &own, ground)
                 }
             };
@@ -118,10 +119,10 @@ fn finite_everywhere(g: &mut Ops, images: &str) -> String {
     g.reduce("ReduceMin", &of_each, &[0])
 }
 
-/// Scaled and clamped, 0 at missing pixels.
-fn colour(g: &mut Ops, picture: &str, is_valid: &str) -> String {
+/// Scaled and no less than `least`, 0 at missing pixels.
+fn colour(g: &mut Ops, picture: &str, is_valid: &str, least: f32) -> String {
     let scaled = g.mul(picture, "exposure");
-    let clamped = g.clip(&scaled, 0.0, LARGEST_COLOUR);
+    let clamped = g.clip(&scaled, least, LARGEST_COLOUR);
     let nothing = g.float(0.0);
     g.choose(is_valid, &clamped, &nothing)
 }

@@ -42,6 +42,17 @@ fn an_unchanged_model_is_taken() {
 }
 
 #[test]
+fn a_model_that_cuts_radiance_off_at_0_is_taken() {
+    let earlier = crate::contract::earlier_exposure_rule(small().contract.exposure);
+    assert!(earlier.contains("the scale, clamped at 0"), "{earlier}");
+    let file = changed(|file| {
+        let rule = file.metadata_props.iter_mut().find(|entry| entry.key.as_deref() == Some("sspc.exposure_rule"));
+        rule.expect("a rule").value = Some(earlier);
+    });
+    assert_eq!(read_model(&file).expect("an earlier model"), small());
+}
+
+#[test]
 fn more_than_the_limit_is_not_even_decoded() {
     let padded = |size: usize| {
         changed(|file| {

@@ -3,6 +3,7 @@
 mod bands;
 mod kernels;
 mod means;
+mod negative;
 mod objective;
 mod passes;
 mod variants;
