@@ -122,7 +122,7 @@ impl FrameSums {
         Verdict {
             model_loss: self.loss_unjudged.mean().value,
             loss: Losses { denoised: self.loss_denoised.mean().value, corrected: loss.mean().value },
-            estimate: Estimate::of(&self.error_denoised, error, gain),
+            estimate: Estimate::of(&self.error_denoised, error, gain, fallback.is_none()),
             held_out_gain: self.held_out_gain(),
             fallback,
         }
