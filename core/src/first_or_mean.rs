@@ -115,6 +115,7 @@ mod tests {
             plan: Plan::everything(3, 5),
             variants: Vec::new(),
             weights: sspc_image::HalfWeights::EQUAL,
+            differences: None,
             found: Findings::default(),
         };
         let corrected = |far: f32| [0, 1].map(|_| Image::filled(3, 3, 5, Z + far * (TRUTH - Z)));
