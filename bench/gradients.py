@@ -20,12 +20,12 @@ sys.path.insert(0, str(REPOSITORY / "reference-py"))
 
 # Columns: whose frame, what is z, and further arguments of the fit; no arguments: z itself is measured.
 COLUMNS = {
-    "without": ("own", "oidn", ["--set", "differences=0"]),
-    "with": ("own", "oidn", []),
+    "without": ("own", "oidn", []),
+    "with": ("own", "oidn", ["--set", "differences=1"]),
     "Poisson L2": ("own", "L2", None),
     "Poisson L1": ("own", "L1", None),
-    "corrected L1, without": ("own", "L1", ["--set", "differences=0"]),
-    "corrected L1, with": ("own", "L1", []),
+    "corrected L1, without": ("own", "L1", []),
+    "corrected L1, with": ("own", "L1", ["--set", "differences=1"]),
     "OIDN, equal work": ("work", "oidn", None),
     "corrected, equal work": ("work", "oidn", []),
 }
@@ -36,7 +36,9 @@ def main(arguments=None):
     made.add_argument("--frames", type=folder, required=True, metavar="OUT", help="folder of the frames")
     made.add_argument("--scene", action="append", metavar="NAME", help="only this scene; repeatable")
     made.add_argument("--column", action="append", choices=COLUMNS, metavar="NAME", help="only this column; repeatable")
-    made.add_argument("--seeds", type=numbers, default=[1], metavar="1,2", help="geometric means over these (default 1)")
+    made.add_argument(
+        "--seeds", type=numbers, default=[1], metavar="1,2", help="geometric means over these (default 1)"
+    )
     made.add_argument("--more", default="", metavar="ARGUMENTS", help="further arguments of sspc-train fit")
     options = made.parse_args(arguments)
     train = program(options, "sspc-train")
@@ -45,7 +47,9 @@ def main(arguments=None):
     columns = {name: COLUMNS[name] for name in options.column or COLUMNS}
     print("| frame | OIDN's relL2 | noise of differences | " + " | ".join(columns) + " |")
     print("|---|---|---|" + "---|" * len(columns))
-    for first in sorted(options.frames.glob("*/*spp.a.exr"), key=lambda path: (path.parent.name, len(path.name), path.name)):
+    for first in sorted(
+        options.frames.glob("*/*spp.a.exr"), key=lambda path: (path.parent.name, len(path.name), path.name)
+    ):
         if options.scene and first.parent.name not in options.scene:
             continue
         frame = Frame(first)

@@ -32,7 +32,10 @@ class Differences(unittest.TestCase):
         return np.clip(error, -LARGEST, LARGEST)
 
     def test_the_mean_of_differences_is_the_difference_of_the_mean(self):
-        for given, difference in ((self.dx[:, :, :-1], np.diff(self.color, axis=2)), (self.dy[:, :-1], np.diff(self.color, axis=1))):
+        for given, difference in (
+            (self.dx[:, :, :-1], np.diff(self.color, axis=2)),
+            (self.dy[:, :-1], np.diff(self.color, axis=1)),
+        ):
             self.assertLess(np.mean(self.standardised(given, difference) ** 2), MOST_NOISE)
             # The test can fail: the other sign, and the neighbour's.
             self.assertGreater(np.mean(self.standardised(-given, difference) ** 2), MOST_NOISE)

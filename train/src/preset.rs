@@ -161,12 +161,13 @@ impl Skip {
     pub const ALL: Skip = Skip { blocks: true, features: true };
 }
 
-/// Weight of differences of y, in proportion to what their noise deserves beside that of y.
-const DIFFERENCE_STRENGTH: f32 = 1.0;
+/// Weight of differences of y where nobody asks for them: none. The blend weight does not know them yet, and without it
+/// they made a frame worse (docs/GRADIENTS.md).
+const DIFFERENCE_STRENGTH: f32 = 0.0;
 
 /// Reports name it where it was changed.
 fn is_usual(strength: &f32) -> bool {
-    *strength == DIFFERENCE_STRENGTH || *strength == 0.0
+    *strength == DIFFERENCE_STRENGTH
 }
 
 /// Adam moves every weight by about the rate: above this a network of weights near 0.1 is lost.
@@ -302,7 +303,6 @@ impl Settings {
                 epochs: 20,
                 denominator: Denominator::OtherHalf,
                 influence: Influence::UNLIMITED,
-                difference_strength: 0.0,
                 composition: Composition::MeanOfHalves,
                 ..ours
             },
