@@ -3,7 +3,7 @@
     python -m scenes.gradients OUT
     python -m bench.gradients --frames OUT [--preset balanced] [--seeds 1,2]
 
-For every frame of `scenes.gradients`: relL2 with the reference's noise taken out, as a multiple of OIDN's on that frame.
+For every frame of `scenes.gradients`: relL2 with the reference's noise taken out, divided by OIDN's on that frame.
 Equal work is three times the samples without differences. Needs NumPy and OpenEXR.
 """
 

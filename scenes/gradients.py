@@ -2,7 +2,8 @@
 
 Of every scene, in OUT/SCENE: {N}spp.{a,b}.exr, half of the N samples each, with dx, dy and OIDN's picture of the half;
 {N}spp.denoised.exr, of both; work/{3N}spp.{a,b,denoised}.exr without differences, for the same number of evaluations
-(three a sample with differences, one without); and ref.exr, the mean and both halves of an independent reference. Single floats, ZIP.
+(three a sample with differences, one without); and ref.exr, the mean and both halves of an independent reference.
+Single floats, ZIP.
 """
 
 import argparse

