@@ -186,6 +186,7 @@ fn input(frame: &SspcFrame, role: Role, buffer: Buffer) -> &SspcInput {
         Role::Normal => of_half(&frame.normal_a, &frame.normal_b),
         Role::Visibility => of_half(&frame.visibility_a, &frame.visibility_b),
         Role::Motion => unreachable!("motion is of shots"),
+        Role::Dx | Role::Dy => unreachable!("differences are of training"),
     }
 }
 

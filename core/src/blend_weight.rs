@@ -133,6 +133,7 @@ pub(crate) mod tests {
             plan: Plan::everything(height, width),
             variants: Vec::new(),
             weights: HalfWeights::EQUAL,
+            differences: None,
             found: Findings::default(),
         }
     }

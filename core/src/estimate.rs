@@ -292,7 +292,10 @@ mod tests {
         let halves = halves.map(std::sync::Arc::new);
         let (set, found) = (FeatureSet::NONE, Findings::default());
         let (variants, weights) = (Vec::new(), HalfWeights::EQUAL);
-        (Prepared { exposure: 1.0, halves, denoised, valid: None, set, variants, weights, plan, found }, z, expected)
+        let differences = None;
+        let prepared =
+            Prepared { exposure: 1.0, halves, denoised, valid: None, set, variants, weights, differences, plan, found };
+        (prepared, z, expected)
     }
 
     /// Half a of 4 samples, half b of 1: exponential noise each, and z that keeps a share of it.

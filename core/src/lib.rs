@@ -8,6 +8,7 @@
 //! | [`frame_stats`] | what is decided once for a frame: exposure, features in use |
 //! | [`independence`], `shared_noise`, [`alignment`], [`trust`] | whether the halves are what they claim to be, and what is done about it |
 //! | [`prepare`] | a frame in the method's units |
+//! | [`differences`] | differences of y that a gradient-domain renderer gives |
 //! | [`plan`] | what of the picture is computed |
 //! | [`start`] | a network's weights before training |
 //! | [`objective`] | the self-supervised loss (Eqs. 8, 9) of training tiles, and its gradient |
@@ -37,6 +38,7 @@ pub mod compose;
 pub mod composition;
 pub mod correct;
 pub mod corrector;
+pub mod differences;
 pub mod estimate;
 mod exposure;
 pub mod fill;

@@ -166,6 +166,7 @@ mod tests {
             variants: Vec::new(),
             plan: Plan::everything(SIZE.0, SIZE.1),
             weights: HalfWeights::EQUAL,
+            differences: None,
             found: Findings::default(),
         }
     }

@@ -1,6 +1,7 @@
 //! From a frame as read to what the method computes on: one exposure for both halves, clamped
 //! colours, missing pixels marked, feature tensors in channel order.
 
+use crate::differences::Differences;
 use crate::plan::Plan;
 use sspc_image::{DenoisedVariant, Frame, HalfBuffer, HalfWeights, Image, Role};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
@@ -30,6 +31,8 @@ pub struct Prepared {
     pub variants: Vec<Arc<Variant>>,
     /// What each half weighs in means of both.
     pub weights: HalfWeights,
+    /// Differences of y that the renderer estimated, to train on.
+    pub differences: Option<Arc<Differences>>,
     /// What of the picture is computed.
     pub plan: Plan,
     /// What was found on the way.
@@ -119,7 +122,7 @@ impl Prepared {
             Trust::Independent => Plan::new(&halves, valid.as_ref()),
         };
         let (halves, weights) = (halves.map(Arc::new), HalfWeights::EQUAL);
-        Self { plan, exposure, halves, denoised, valid, set, variants: Vec::new(), weights, found }
+        Self { plan, exposure, halves, denoised, valid, set, variants: Vec::new(), weights, differences: None, found }
     }
 
     /// How many networks are fitted.
@@ -149,6 +152,7 @@ impl Prepared {
             valid: self.valid.clone(),
             variants: Vec::new(),
             plan: self.plan.clone(),
+            differences: self.differences.clone(),
             ..*self
         })
     }
@@ -171,6 +175,7 @@ impl Prepared {
             valid: self.valid.as_ref().map(cut),
             variants: self.variants.iter().map(|variant| Arc::new(variant.map(cut))).collect(),
             plan: self.plan.of_rows(rows.clone()),
+            differences: None,
             ..*self
         }
     }

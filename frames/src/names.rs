@@ -38,6 +38,8 @@ const CORONA: &str = "Corona, Render Elements, docs.chaos.com/display/CRMAX/Rend
 const CYCLES: &str = "Blender Cycles, Passes, docs.blender.org/manual/en/latest/render/layers/passes.html";
 const DELIGHT: &str = "3Delight, AOV Selector, documentation.3delightcloud.com/display/3DFM9/AOV+Selector";
 const GUERILLA: &str = "Guerilla Render, AOV, guerillarender.com/doc/2.2/User%20Guide_Rendering_AOV.html";
+const GRADIENTS: &str =
+    "gradient-domain path tracing, Lehtinen et al. 2013, Kettunen et al. 2015 (doi 10.1145/2766997)";
 const KARMA: &str = "Houdini Karma, AOVs, www.sidefx.com/docs/houdini/solaris/support/aovs.html";
 const LUXCORE: &str = "LuxCoreRender, film output types of its SDK";
 const MOONRAY: &str = "MoonRay, render outputs, docs.openmoonray.org";
@@ -157,6 +159,24 @@ const MOTION: &[Known] = &[
     known(Whole("motion"), "Nuke, VectorGenerator, learn.foundry.com/nuke"),
 ];
 
+/// Differences to the right-hand neighbour.
+const DX: &[Known] = &[
+    known(Whole("dx"), GRADIENTS),
+    known(Whole("grad_x"), COMMON),
+    known(Whole("gradx"), COMMON),
+    known(Whole("gradient_x"), COMMON),
+    known(Whole("gradientx"), COMMON),
+];
+
+/// Differences to the neighbour below.
+const DY: &[Known] = &[
+    known(Whole("dy"), GRADIENTS),
+    known(Whole("grad_y"), COMMON),
+    known(Whole("grady"), COMMON),
+    known(Whole("gradient_y"), COMMON),
+    known(Whole("gradienty"), COMMON),
+];
+
 /// Layers of which each holds the motion to one neighbour, and both together to both.
 const MOTION_PAIRS: &[(&str, &str)] = &[("backward", "forward"), ("motionback", "motionfore")];
 
@@ -169,6 +189,8 @@ pub fn candidates(role: Role) -> &'static [Known] {
         Role::Normal => NORMAL,
         Role::Visibility => VISIBILITY,
         Role::Motion => MOTION,
+        Role::Dx => DX,
+        Role::Dy => DY,
     }
 }
 

@@ -202,8 +202,9 @@ impl OpenFrame {
     /// # Panics
     /// When the rows leave the picture, and when denoised halves are neither in the files nor supplied.
     pub fn rows(&self, rows: Range<usize>) -> Result<Frame, Error> {
-        // Motion is of shots, not of frames.
-        let mut images = self.decode(rows.clone(), |filled| filled.role != Role::Motion)?;
+        // Motion is of shots, differences are of training.
+        let is_other = |role| matches!(role, Role::Motion | Role::Dx | Role::Dy);
+        let mut images = self.decode(rows.clone(), |filled| !is_other(filled.role))?;
         let made = |picture: &CompactImage| picture.rows(rows.clone());
         let further = self.further_in_files();
         let mut variants: Vec<DenoisedVariant> = Vec::new();

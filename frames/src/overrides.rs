@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! override := ROLE [ "-a" | "-b" | "-full" ] "=" source
-//! ROLE     := "radiance" | "denoised" | "albedo" | "normal" | "visibility" | "motion"   (also "color", "noisy")
+//! ROLE     := "radiance" | "denoised" | "albedo" | "normal" | "visibility" | "motion" | "dx" | "dy"   (also "color", "noisy")
 //! source   := "none" | FILE.exr | FILE.exr ":" channels | channels
 //! channels := LAYER | CHANNEL "," CHANNEL "," CHANNEL | CHANNEL   (one channel for visibility, 2 to 4 for motion)
 //! ```
@@ -53,6 +53,8 @@ pub struct RoleOverrides {
     all_views: bool,
     /// Motion is looked for.
     with_motion: bool,
+    /// Differences of y are looked for.
+    with_differences: bool,
 }
 
 impl RoleOverrides {
@@ -112,9 +114,18 @@ impl RoleOverrides {
         Self { with_motion: true, ..self }
     }
 
+    /// The same, with differences of y looked for as well: frames that are trained on.
+    pub fn with_differences(self) -> Self {
+        Self { with_differences: true, ..self }
+    }
+
     /// Whether a role is looked for.
     pub fn wants(&self, role: Role) -> bool {
-        role != Role::Motion || self.with_motion
+        match role {
+            Role::Motion => self.with_motion,
+            Role::Dx | Role::Dy => self.with_differences,
+            _ => true,
+        }
     }
 
     /// Whether every view has its turn.
@@ -186,8 +197,10 @@ fn split_target(text: &str) -> Result<(Role, &'static [Buffer], &str), Error> {
         "normal" => Role::Normal,
         "visibility" => Role::Visibility,
         "motion" => Role::Motion,
+        "dx" => Role::Dx,
+        "dy" => Role::Dy,
         other => {
-            let expected = "radiance, denoised, albedo, normal, visibility or motion";
+            let expected = "radiance, denoised, albedo, normal, visibility, motion, dx or dy";
             return Err(wrong(text, expected, format!("'{other}'")));
         }
     };
@@ -260,6 +273,7 @@ mod tests {
             ("denoised-full=full.EXR", Role::Denoised, Buffer::Full, from(Some("full.EXR"), Selection::Recognised)),
             ("albedo-a=f.exr.1.exr:al", Role::Albedo, Buffer::A, from(Some("f.exr.1.exr"), layer("al"))),
             ("visibility=none", Role::Visibility, Buffer::A, Some(Choice::Absent)),
+            ("dx=grad", Role::Dx, Buffer::A, from(None, layer("grad"))),
             ("motion=m.x,m.y", Role::Motion, Buffer::B, from(None, list(&["m.x", "m.y"]))),
         ] {
             let overrides: RoleOverrides = text.parse().expect(text);

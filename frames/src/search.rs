@@ -295,6 +295,8 @@ impl Layers {
             Role::Normal => &["normal", "norm", "nrm"],
             Role::Visibility => &["visib", "shadow"],
             Role::Motion => &["motion", "vector", "velocity"],
+            Role::Dx => &["dx", "gradient"],
+            Role::Dy => &["dy", "gradient"],
         };
         let usable = |layer: &&Layer| {
             anchor.is_none_or(|anchor| layer.view == anchor.view && layer.name(anchor.reading) != Some(&anchor.name))

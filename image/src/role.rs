@@ -17,6 +17,10 @@ pub enum Role {
     Visibility,
     /// Motion of what is seen to the neighbouring frames of a shot: two channels to one of them, or four to both.
     Motion,
+    /// Horizontal differences of y, y(x + 1) - y(x), as gradient-domain renderers estimate them, 3 channels.
+    Dx,
+    /// Vertical differences of y, that of the row below less that of this one, 3 channels.
+    Dy,
 }
 
 /// Which samples an image was made from.
@@ -32,11 +36,22 @@ pub enum Buffer {
 
 impl Role {
     /// All roles, in the order they are read.
-    pub const ALL: [Role; 6] =
-        [Role::Radiance, Role::Denoised, Role::Albedo, Role::Normal, Role::Visibility, Role::Motion];
+    pub const ALL: [Role; 8] = [
+        Role::Radiance,
+        Role::Denoised,
+        Role::Albedo,
+        Role::Normal,
+        Role::Visibility,
+        Role::Motion,
+        Role::Dx,
+        Role::Dy,
+    ];
 
     /// The optional features, which network and g_c read.
     pub const FEATURES: [Role; 3] = [Role::Albedo, Role::Normal, Role::Visibility];
+
+    /// Differences of y, which training compares those of the corrected picture with.
+    pub const DIFFERENCES: [Role; 2] = [Role::Dx, Role::Dy];
 
     /// The role with this [`Role::name`].
     pub fn named(name: &str) -> Option<Role> {
@@ -48,7 +63,7 @@ impl Role {
         match self {
             Role::Visibility => 1,
             Role::Motion => 4,
-            Role::Radiance | Role::Denoised | Role::Albedo | Role::Normal => 3,
+            Role::Radiance | Role::Denoised | Role::Albedo | Role::Normal | Role::Dx | Role::Dy => 3,
         }
     }
 
@@ -61,6 +76,8 @@ impl Role {
             Role::Normal => "normal",
             Role::Visibility => "visibility",
             Role::Motion => "motion",
+            Role::Dx => "dx",
+            Role::Dy => "dy",
         }
     }
 }
@@ -85,6 +102,8 @@ impl fmt::Display for Role {
             Role::Normal => "normal",
             Role::Visibility => "visibility",
             Role::Motion => "motion",
+            Role::Dx => "horizontal differences",
+            Role::Dy => "vertical differences",
         })
     }
 }

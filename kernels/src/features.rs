@@ -65,8 +65,8 @@ impl FeatureSet {
             Role::Normal => self.normal,
             Role::Visibility => self.visibility,
             Role::Radiance | Role::Denoised => true,
-            // It moves pictures and is not read.
-            Role::Motion => false,
+            // They move pictures, or judge them, and are not read.
+            Role::Motion | Role::Dx | Role::Dy => false,
         }
     }
 

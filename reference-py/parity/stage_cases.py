@@ -2,7 +2,7 @@
 
 import numpy as np
 import torch
-from sspc_reference import activations, evaluate, features, gc, loss, network
+from sspc_reference import activations, differences, evaluate, features, gc, loss, network
 
 from .case import Case, Inputs, double, short, stack
 
@@ -77,6 +77,31 @@ def loss_case(name, purpose, seed, height, width, hdr=False):
     return case
 
 
+def differences_case(name, seed, height, width):
+    random = Inputs(seed)
+    case = Case(
+        name,
+        "Colours and differences of one half's correction, their weights, and the gradient with and without a limit.",
+        {"kind": "differences", "influence": 1.5},
+    )
+    given = {f"noisy_{half}": random.uniform(3, height, width, high=2.0) for half in "ab"}
+    given |= {f"given_{half}": random.normal(6, height, width, scale=0.3) for half in "ab"}
+    given |= {"mu_hat": random.uniform(3, height, width, high=2.0), "weight": random.uniform(1, height, width)}
+    case.put(**given)
+    images = {key: double(values) for key, values in given.items()}
+    of_differences = differences.weights(
+        *(images[key] for key in ("noisy_a", "noisy_b", "given_a", "given_b", "weight"))
+    )
+    case.put(difference_weight=of_differences[0])
+    for suffix, influence in (("", float("inf")), ("_limited", case.facts["influence"])):
+        output = images["mu_hat"].clone().requires_grad_()
+        judged = images["noisy_b"], images["weight"], images["given_b"], of_differences
+        value = differences.half_loss(output, *judged, influence)
+        value.backward()
+        case.put(**{f"loss{suffix}": value.reshape(1), f"d_mu_hat{suffix}": output.grad[0]})
+    return case
+
+
 def relative_l2_case(name, purpose, seed, height, width, low, high):
     random = Inputs(seed)
     case = Case(name, purpose, {"kind": "relative_l2"})
@@ -140,6 +165,8 @@ def cases():
         loss_case("loss", "The loss over both denominators, and its gradients.", 42, 9, 7),
         loss_case("loss-1x1", "The loss of one pixel.", 43, 1, 1),
         loss_case("loss-hdr", "The loss of values from 1e-6 to 1e5.", 44, 7, 8, hdr=True),
+        differences_case("differences", 48, 9, 21),
+        differences_case("differences-1x5", 49, 1, 5),
         relative_l2_case("relative-l2", "relL2 with and without halves.", 45, 9, 7, 0.05, 2),
         relative_l2_case("relative-l2-1x1", "relL2 of one pixel.", 46, 1, 1, 0.05, 2),
         relative_l2_case("relative-l2-hdr", "relL2 of values from 1e-6 to 1e5.", 47, 8, 9, 1e-6, 1e5),

@@ -109,6 +109,7 @@ pub fn prepared(halves: [Image; 2]) -> Prepared {
         plan: Plan::everything(height, width),
         variants: Vec::new(),
         weights: HalfWeights::EQUAL,
+        differences: None,
         found: Findings::default(),
     }
 }

@@ -7,6 +7,7 @@ use sspc_cli::reading::{ReadFrame, Source};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_cli::shot::{Residence, Shot, ShotFrame};
 use sspc_cli::{DenoiserReport, Denoising, Failure, FrameJob};
+use sspc_core::differences::{AsRead, Differences};
 use sspc_core::fill::values_from_sources;
 use sspc_core::frame_stats::FrameStats;
 use sspc_core::prepare::{Prepared, baseline};
@@ -14,8 +15,9 @@ use sspc_frames::preview::{Rgb8, auto_exposure, spotlight, tone_map};
 use sspc_frames::read::Like;
 use sspc_frames::samples::HalfSamples;
 use sspc_frames::{FrameFiles, OpenFrame, OutputPlan, RoleOverrides, read_reference};
-use sspc_image::{Frame, Image, Reference, RoleSource};
+use sspc_image::{Buffer, Frame, Image, Reference, Role, RoleSource};
 use sspc_kernels::features::FeatureSet;
+use std::sync::Arc;
 
 /// One frame of the fit: what is needed of it beside the features. The frame itself is gone once it is
 /// prepared, which halves the memory of a fit.
@@ -106,11 +108,13 @@ pub fn read(
     passes: &PassArgs,
 ) -> Result<(Input, Prepared), Failure> {
     let FrameJob { number, files } = job;
+    let overrides = &overrides.clone().with_differences();
     let in_shot = shot.zip(number);
     let mut open = match in_shot {
         Some((shot, number)) => shot.open(number, overrides)?,
         None => OpenFrame::open_to_denoise(&files, overrides)?,
     };
+    let (differences, said) = as_read(&open, settings)?;
     let mut output = open.output()?;
     let passes = passes.find(&open, denoising)?;
     if let Some(passes) = &passes {
@@ -124,7 +128,8 @@ pub fn read(
             ShotFrame { frame: ReadFrame::held(&open, settings.exposure)?, denoiser, neighbours: Vec::new() }
         }
     };
-    let ReadFrame { source, stats, roles, samples, warnings, different } = frame;
+    let ReadFrame { source, stats, roles, samples, mut warnings, different } = frame;
+    warnings.extend(said);
     let Source::Held(frame) = source else { unreachable!("a frame that is held") };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;
     let stats = stats.with_features_of(settings.features);
@@ -142,7 +147,12 @@ pub fn read(
         let ground = baseline(&frame);
         spotlight(&ground, &places.map(ground.height(), ground.width()), shown_exposure)
     });
-    let (prepared, denoised) = prepare(*frame, &stats, settings);
+    let (mut prepared, denoised) = prepare(*frame, &stats, settings);
+    if let Some(read) = differences {
+        let (differences, said) = Differences::new(&read, &prepared);
+        prepared.differences = differences.map(Arc::new);
+        warnings.extend(said);
+    }
     let input = Input {
         name: files.a.display().to_string(),
         frame_number: number,
@@ -167,6 +177,24 @@ pub fn read(
         rivals,
     };
     Ok((input, prepared))
+}
+
+/// Differences of y of half a and of half b, where the files have them and the settings use them; and what a person
+/// should know.
+fn as_read(open: &OpenFrame, settings: &Settings) -> Result<(Option<[AsRead; 2]>, Vec<String>), Failure> {
+    let has = Role::DIFFERENCES.map(|role| open.has(role, Buffer::A));
+    if settings.difference_strength == 0.0 || has == [false, false] {
+        return Ok((None, Vec::new()));
+    }
+    if has != [true, true] {
+        let (there, missing) = if has[0] { ("dx", "dy") } else { ("dy", "dx") };
+        return Ok((None, vec![format!("{there} is there and {missing} is not: differences are not used")]));
+    }
+    let all = 0..open.height();
+    let rows = |role, half| open.role_rows(role, half, all.clone());
+    let of_half = |half| Ok::<_, Failure>(rows(Role::Dx, half)?.zip(rows(Role::Dy, half)?).map(|(dx, dy)| [dx, dy]));
+    let halves = of_half(Buffer::A)?.zip(of_half(Buffer::B)?);
+    Ok((halves.map(|(a, b)| [a, b]), Vec::new()))
 }
 
 /// A frame in the method's units, with the features and the skips that the settings allow; and the picture `[3, H, W]`

@@ -161,6 +161,15 @@ impl Skip {
     pub const ALL: Skip = Skip { blocks: true, features: true };
 }
 
+/// Weight of differences of y where nobody asks for them: none. The blend weight does not know them yet, and without it
+/// they made a frame worse (docs/GRADIENTS.md).
+const DIFFERENCE_STRENGTH: f32 = 0.0;
+
+/// Reports name it where it was changed.
+fn is_usual(strength: &f32) -> bool {
+    *strength == DIFFERENCE_STRENGTH
+}
+
 /// Adam moves every weight by about the rate: above this a network of weights near 0.1 is lost.
 pub const LARGEST_RATE: f64 = 0.1;
 
@@ -204,6 +213,9 @@ pub struct Settings {
     /// From which error on a pixel's gradient is limited; null in reports where it is not.
     #[serde(serialize_with = "limit_or_null")]
     pub influence: Influence,
+    /// How heavily differences of y weigh that a gradient-domain renderer gives, times what their noise deserves; 0: not.
+    #[serde(rename = "differences", skip_serializing_if = "is_usual")]
+    pub difference_strength: f32,
     /// What the picture is made of.
     pub composition: Composition,
     /// Features that may take part: all, or those of the model that training starts from.
@@ -270,6 +282,7 @@ impl Settings {
             epochs: 0,
             denominator: Denominator::OwnHalf,
             influence: Influence { first: 1.0, last: 10.0 },
+            difference_strength: DIFFERENCE_STRENGTH,
             composition: Composition::JudgedFullBuffer,
             features: FeatureSet::ALL,
             held_out: false,

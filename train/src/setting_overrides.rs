@@ -17,7 +17,7 @@ const TILES: (usize, usize) = (8, 512);
 const MAX_BATCH: usize = 256;
 
 /// Every key and what it may be, as `--help` and messages show them.
-pub const KEYS: [(&str, &str); 13] = [
+pub const KEYS: [(&str, &str); 14] = [
     ("window", "side of the window of g_c in pixels, odd, 3 to 25"),
     ("hidden", "channels of a hidden layer, 1 to 16"),
     ("layers", "convolutions, 1 to 32"),
@@ -30,6 +30,7 @@ pub const KEYS: [(&str, &str); 13] = [
     ("rate", "highest learning rate, above 0, at most 0.1"),
     ("skip", "all, none, blocks (still blocks only) or features (constant features only)"),
     ("composition", "judged, or halves (their mean, as in the paper)"),
+    ("differences", "weight of differences of y that the renderer gives, 0 to 100, beside what their noise deserves"),
     ("held-out", "none, or blocks (one in eight is not trained on, and judges the picture)"),
 ];
 
@@ -139,6 +140,9 @@ impl Change {
                     ("features", Skip { blocks: false, features: true }),
                 ])?;
             }
+            "differences" => {
+                settings.difference_strength = self.number(|s: &f32| (0.0..=100.0).contains(s))?;
+            }
             "held-out" => settings.held_out = self.choice(&[("none", false), ("blocks", true)])?,
             _ => {
                 settings.composition =
@@ -204,7 +208,7 @@ mod tests {
             f(&mut settings);
             settings
         };
-        let cases: [(&str, Settings); 15] = [
+        let cases: [(&str, Settings); 16] = [
             ("window=7", small(&|s| s.radius = 3)),
             ("window=25", small(&|s| s.radius = 12)),
             ("hidden=1", small(&|s| s.shape.hidden = 1)),
@@ -219,6 +223,7 @@ mod tests {
             ("rate=0.004", small(&|s| s.rate = Rate::Cosine { peak: 0.004, warm_up: 10 })),
             ("skip=blocks", small(&|s| s.skip = Skip { blocks: true, features: false })),
             ("composition=halves", small(&|s| s.composition = Composition::MeanOfHalves)),
+            ("differences=0.5", small(&|s| s.difference_strength = 0.5)),
             ("held-out=blocks", small(&|s| s.held_out = true)),
         ];
         for (change, mut expected) in cases {
@@ -249,6 +254,7 @@ mod tests {
             ("rate", vec!["0", "0.2", "nan", "inf"]),
             ("skip", vec!["some"]),
             ("composition", vec!["full"]),
+            ("differences", vec!["-1", "101", "nan", "all"]),
             ("held-out", vec!["some"]),
         ];
         assert_eq!(wrong.len(), KEYS.len());

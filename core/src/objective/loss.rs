@@ -1,11 +1,12 @@
 //! The loss of tiles by the network's outputs, and its gradient.
 
+use super::differences::DifferenceTarget;
 use super::{RELATIVE_FLOOR, Tile, own_weight, relative_weight};
 use crate::prepare::Prepared;
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
-use sspc_kernels::loss::SelfSupervised;
+use sspc_kernels::gc::{Correction, Given, ParameterPlanes, Taps};
+use sspc_kernels::loss::{Differences, SelfSupervised};
 use sspc_kernels::parameters::{Form, activate, activate_backward};
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::FeaturePlanes;
@@ -21,6 +22,8 @@ pub struct HalfObjective {
     /// Weight of a pixel's squared error, 0 where missing: 1 / (z̄² + 0.01) of the other half (the
     /// paper's), or of this one.
     pub weight: Image,
+    /// What differences of this half's correction are compared with, where the renderer gave any.
+    pub differences: Option<DifferenceTarget>,
 }
 
 /// Both halves of a frame, ready to be trained on.
@@ -46,6 +49,7 @@ impl Objective {
                     row.copy_from_slice(prepared.target_row(h, k, y));
                 }),
                 weight: relative_weight(other, prepared.valid.as_ref(), RELATIVE_FLOOR),
+                differences: None,
             }
         };
         Self { form, halves: [half(0), half(1)], taps }
@@ -59,9 +63,25 @@ impl Objective {
         self
     }
 
+    /// The same with differences of the correction compared with those of the other half, `strength` times as
+    /// heavily as their noise deserves, where the frame has them ([`DifferenceTarget`]).
+    pub fn with_differences(mut self, prepared: &Prepared, strength: f32) -> Self {
+        if let Some(given) = prepared.differences.as_ref().filter(|_| strength > 0.0) {
+            for (h, half) in self.halves.iter_mut().enumerate() {
+                half.differences = Some(DifferenceTarget::new(prepared, given, h, &half.weight, strength));
+            }
+        }
+        self
+    }
+
     /// The same without the pixels that training leaves out ([`crate::held_out`]).
     pub fn without_held_out(mut self) -> Self {
-        self.halves.iter_mut().for_each(|half| crate::held_out::blind(&mut half.weight));
+        for half in &mut self.halves {
+            crate::held_out::blind(&mut half.weight);
+            if let Some(differences) = &mut half.differences {
+                differences.leave_out(crate::held_out::is_held_out);
+            }
+        }
         self
     }
 
@@ -82,6 +102,8 @@ impl Objective {
     /// Σ 2m² (√(1 + e²/m²) - 1), where e² is a pixel's weighted squared error (pseudo-Huber): outliers of y lose their
     /// say over the parameters, while no radiance is changed and the value returned stays that of the plain loss.
     ///
+    /// Where the frame has differences of y, those between the tile's pixels take part in the same way.
+    ///
     /// # Panics
     /// When a slice has another length, or the tile leaves the picture.
     pub fn loss(
@@ -94,8 +116,8 @@ impl Objective {
         scratch: &mut Scratch,
     ) -> f64 {
         let Tile { half, region, mirror } = *tile;
-        let HalfObjective { planes, target, weight } = &self.halves[half];
-        let Scratch { parameters, corrected, padded } = scratch;
+        let HalfObjective { planes, target, weight, differences } = &self.halves[half];
+        let Scratch { parameters, corrected, padded, upstream } = scratch;
         parameters.clear();
         parameters.extend_from_slice(outputs);
         mirror.undo(parameters, region.height, region.width);
@@ -105,7 +127,16 @@ impl Objective {
         let windows = planes.windows(region, std::mem::take(padded));
         let mut judge = SelfSupervised { target, weight, region, scale, influence, sum: 0.0 };
         let pixels = Correction { windows: &windows, taps: &self.taps, region: region.at_origin(), parameters: view };
-        pixels.backward(isa, &mut judge, corrected, gradient);
+        match differences {
+            None => pixels.backward(isa, &mut judge, corrected, gradient),
+            // A pixel's gradient needs μ̂ of its neighbours: it comes between two passes.
+            Some(DifferenceTarget { target, weight }) => {
+                pixels.forward(isa, corrected);
+                upstream.resize(corrected.len(), 0.0);
+                judge.of_tile(isa, Differences { target, weight }, corrected, upstream);
+                pixels.backward(isa, &mut Given::new(upstream, region.at_origin()), corrected, gradient);
+            }
+        }
         *padded = windows.into_data();
         mirror.apply(gradient, region.height, region.width);
         activate_backward(isa, self.form, outputs, gradient);
@@ -122,11 +153,12 @@ pub struct PixelLoss {
     pub influence: f32,
 }
 
-/// Memory of [`Objective::loss`], used again by the next tile: activated parameters, corrected radiance, and the
-/// tile's padded features.
+/// Memory of [`Objective::loss`], used again by the next tile: activated parameters, corrected radiance, the
+/// tile's padded features, and the gradient by μ̂ where differences are compared.
 #[derive(Debug, Default)]
 pub struct Scratch {
     parameters: Vec<f32>,
     corrected: Vec<f32>,
     padded: Vec<f32>,
+    upstream: Vec<f32>,
 }

@@ -4,14 +4,19 @@
 //! made of the z of one half: of that compared with in the paper, of the corrected one in the other
 //! presets ([`own_weight`] says why).
 //!
+//! Differences of y that a gradient-domain renderer gives are compared with those of the correction
+//! ([`DifferenceTarget`]).
+//!
 //! [`Objective::loss`] gives the gradient by a network's outputs; [`Step::run`] takes each tile through the network,
 //! the loss and back in one go.
 
+mod differences;
 mod loss;
 mod step;
 mod tile;
 mod weight;
 
+pub use differences::DifferenceTarget;
 pub use loss::{HalfObjective, Objective, PixelLoss, Scratch};
 pub use step::{Step, Workspaces};
 pub use tile::{Mirror, Tile};

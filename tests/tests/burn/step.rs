@@ -54,7 +54,7 @@ impl Setup {
     /// the gradient of the loss by μ̂ known beforehand.
     fn loss_of(&self, tile: &Tile, outputs: &[f32]) -> (f64, Vec<f32>) {
         let (isa, form, region) = (Isa::best(), self.objective.form, tile.region);
-        let HalfObjective { planes, target, weight } = &self.objective.halves[tile.half];
+        let HalfObjective { planes, target, weight, .. } = &self.objective.halves[tile.half];
         let cut = |image: &Image| image.crop(region.top, region.left, region.height, region.width);
         let (target, weight) = (cut(target), cut(weight));
         let windows = planes.windows(region, Vec::new());

@@ -364,3 +364,37 @@ fn a_single_mark_of_a_half_is_a_part_of_a_name() {
     assert!(read_picture(&both, None).is_err(), "neither half is the picture");
     assert!(read_reference(&both, None).expect("reference").halves.is_some());
 }
+
+/// Fails when differences are looked for in frames that are not trained on, or one half's alone are taken.
+#[test]
+fn differences_are_found_by_their_names_where_they_are_wanted() {
+    let folder = tempfile::tempdir().expect("folder");
+    let file = |name: &str, seed, differences: &[&str]| {
+        let mut all = names("R G B denoised.R denoised.G denoised.B");
+        all.extend(differences);
+        write_file(&folder.path().join(name), seed, &all)
+    };
+    let both = names("dx.R dx.G dx.B Gradient_Y.X Gradient_Y.Y Gradient_Y.Z");
+    let [a, b] = [("a.exr", 1), ("b.exr", 2)].map(|(name, seed)| file(name, seed, &both));
+    let plain = file("plain.exr", 3, &[]);
+    let open = |b: &Path, overrides: &[&str]| {
+        let overrides = RoleOverrides::parse(overrides).expect("overrides").with_differences();
+        OpenFrame::open(&FrameFiles::halves(&a, b), &overrides).expect("frame")
+    };
+    let found = open(&b, &[]);
+    for (role, name) in [(Role::Dx, "dx.R"), (Role::Dy, "Gradient_Y.X")] {
+        let rows = found.role_rows(role, Buffer::B, 0..H).expect("rows").expect("differences");
+        assert_eq!(rows.at(0, H - 1, 2), value(2, name, (H - 1) * W + 2));
+    }
+    assert!(!open(&b, &["dy=none"]).has(Role::Dy, Buffer::A));
+    assert!(open(&b, &["dx=Gradient_Y"]).has(Role::Dx, Buffer::B));
+    let lonely = open(&plain, &[]);
+    assert!(!lonely.has(Role::Dx, Buffer::A) && !lonely.has(Role::Dy, Buffer::A));
+    assert!(
+        lonely.notes().iter().any(|note| note.contains("horizontal differences: only half a")),
+        "{:?}",
+        lonely.notes()
+    );
+    let unwanted = OpenFrame::open(&FrameFiles::halves(&a, &b), &RoleOverrides::none()).expect("frame");
+    assert!(!unwanted.has(Role::Dx, Buffer::A));
+}

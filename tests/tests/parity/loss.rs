@@ -44,6 +44,7 @@ fn half(radiance: &Array, denoised: &Array, target: &Array, guide: &Array) -> Ha
         planes: FeaturePlanes::new(Arc::new(features_of_half), None, FeatureSet::ALL, 0),
         target: Image::from_planes(3, height, width, target.f32()),
         weight: relative_weight(&features(target, guide), None, RELATIVE_FLOOR),
+        differences: None,
     }
 }
 

@@ -5,6 +5,7 @@
 //! smallest relative error of a constant or an input that it would catch.
 
 mod activations;
+mod differences;
 mod first_difference;
 mod g_c;
 mod loss;

@@ -39,6 +39,7 @@ impl Setup {
             planes: FeaturePlanes::new(Arc::new(own.clone()), None, FeatureSet::ALL, taps.radius()),
             target: triple(other, RADIANCE),
             weight: relative_weight(other, None, RELATIVE_FLOOR),
+            differences: None,
         };
         let [a, b] = &halves;
         let objective = Objective { form, halves: [half(a, b), half(b, a)], taps: taps.clone() };
