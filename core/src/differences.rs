@@ -70,7 +70,7 @@ impl Differences {
             said.push(format!("dx and dy are both differences along {}: they are not used", AXES_IN_WORDS[dx.axis]));
             return (None, said);
         }
-        let unknown: usize = read.iter().map(|half| unusable(half)).sum();
+        let unknown: usize = read.iter().map(unusable).sum();
         if unknown > 0 {
             said.push(format!("{unknown} values of dx and dy are NaN or infinite: the term is left out there"));
         }
