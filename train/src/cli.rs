@@ -45,8 +45,8 @@ pub struct FitArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Change one setting of the preset, for experiments, e.g. --set window=15: window, hidden, layers,
-    /// combination, gate, influence, sampling, tile, batch, rate, skip, composition or held-out. An invalid value lists the
-    /// allowed ones. Repeatable.
+    /// combination, gate, influence, sampling, tile, batch, rate, skip, composition, held-out or differences. An invalid value
+    /// lists the allowed ones. Repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub changes: Vec<String>,
     /// Training steps instead of the preset's.
