@@ -41,6 +41,8 @@ pub struct Prepared {
 
 /// Radiance near the end of f32 must not overflow when squared and summed.
 const LARGEST: f32 = 1e15;
+/// Noisy radiance counts as no less, in the method's units: lobes beside a firefly reach so far, what lies below is no light.
+pub const LEAST_RADIANCE: f32 = -10.0;
 
 /// Another z in the method's units: of half a, of half b and of the full buffer, `[3, H, W]` each, clamped at 0, zero at
 /// missing pixels, and z itself where it has no finite value of its own.
@@ -279,7 +281,7 @@ fn fill_denoised(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) 
 /// Scales a row of noisy radiance. Filters with negative lobes make it negative where it is dark by chance, and cut off at 0 it
 /// would be too bright in the mean.
 fn fill_radiance(source: &[f32], valid: &[f32], exposure: f32, out: &mut [f32]) {
-    fill_colour(source, valid, exposure, -LARGEST, out);
+    fill_colour(source, valid, exposure, LEAST_RADIANCE, out);
 }
 
 fn fill_colour(source: &[f32], valid: &[f32], exposure: f32, least: f32, out: &mut [f32]) {

@@ -39,21 +39,21 @@ pub const PADDING: &str = "network: zeros, same size; window of g_c: mirrored wi
 pub fn exposure_rule(exposure: Exposure) -> &'static str {
     match exposure {
         Exposure::AsIs => {
-            "scale 1; z clamped at 0; albedo, visibility and normal as rendered; absent or \
+            "scale 1; y clamped at -10 and z at 0; albedo, visibility and normal as rendered; absent or \
 constant features 0"
         }
         Exposure::Normalised => {
             "scale 0.25 / mean of the darker 95 % of the positive z of both halves (mean of both \
-halves and of the three channels, finite pixels); y and z of both halves times the scale, z \
-clamped at 0; the picture divided by the scale; albedo, visibility and normal as rendered; absent or \
+halves and of the three channels, finite pixels); y and z of both halves times the scale, y \
+clamped at -10 and z at 0; the picture divided by the scale; albedo, visibility and normal as rendered; absent or \
 constant features 0"
         }
         Exposure::OfNoise => {
             "scale 0.25 / mean of the darker 95 % of the positive z of both halves (mean of both \
 halves and of the three channels, finite pixels) over pixels with noise; noise is the mean over the \
 three channels of the difference of both halves' y, at most z, and counts from 1 % of the value \
-that half of the sum of all noise exceeds; y and z of both halves times the scale, z clamped at \
-0; the picture divided by the scale; albedo, visibility and normal as rendered; absent or constant \
+that half of the sum of all noise exceeds; y and z of both halves times the scale, y clamped at \
+-10 and z at 0; the picture divided by the scale; albedo, visibility and normal as rendered; absent or constant \
 features 0"
         }
     }
@@ -63,7 +63,8 @@ features 0"
 /// nowhere negative both rules make the same.
 pub(crate) fn earlier_exposure_rule(exposure: Exposure) -> String {
     let rule = exposure_rule(exposure);
-    rule.replace("scale 1; z clamped", "scale 1; y and z clamped").replace("the scale, z clamped", "the scale, clamped")
+    rule.replace("1; y clamped at -10 and z at 0", "1; y and z clamped at 0")
+        .replace("y clamped at -10 and z at 0", "clamped at 0")
 }
 
 /// The form's name in a file's metadata.

@@ -7,6 +7,7 @@ use crate::model::{Model, prefix};
 use crate::network_graph::planes;
 use sspc_core::composition::Composition;
 use sspc_core::plan::{BLOCK_COLUMNS, BLOCK_ROWS};
+use sspc_core::prepare::LEAST_RADIANCE;
 use sspc_image::Role;
 
 /// The largest radiance of the method, and the largest feature: squares must not overflow.
@@ -60,7 +61,7 @@ pub(super) fn prepare(g: &mut Ops, model: &Model) {
     let both = g.mul(&finite[0], &finite[1]);
     g.graph.op("Mul", &[&both, &finite[2]], Named::VALID);
     let is_valid = g.is_set(Named::VALID);
-    let least = [-LARGEST_COLOUR, 0.0, 0.0];
+    let least = [LEAST_RADIANCE, 0.0, 0.0];
     for ((input, name), least) in colours.into_iter().zip([Named::Y, Named::Z, Named::FULL_Z]).zip(least) {
         let scaled = colour(g, input, &is_valid, least);
         g.graph.op("Identity", &[&scaled], name);
