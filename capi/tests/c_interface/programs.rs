@@ -53,8 +53,9 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// Cargo's own search path would find the library of an earlier `cargo build` first.
 fn run(program: &Path, arguments: &[&Path]) -> Output {
-    Command::new(program).args(arguments).output().expect("the program")
+    Command::new(program).args(arguments).env_remove("LD_LIBRARY_PATH").output().expect("the program")
 }
 
 /// Writes a picture as little-endian PFM, the bottom row first.
