@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 # Height, width, arrays by name, and further denoised pictures; dictionary and list are emptied by whoever takes them.
-_Frame = tuple[int, int, dict[str, bytes], list[tuple[bytes, bytes, bytes | None]]]
+_Frame = tuple[int, int, dict[str, bytes], list[tuple[bytes, bytes, bytes | None]], tuple[float, float] | None]
 _Figures = tuple[float, float, float, float, float, float, float, int, int]
 
 class Step:
