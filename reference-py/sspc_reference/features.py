@@ -31,8 +31,8 @@ def check_image(name, image, channels):
 def assemble(radiance, denoised, albedo=None, visibility=None, normal=None):
     """Stacks one buffer's images into features [B, 13, H, W].
 
-    Denoised colours are clamped at 0, noisy ones at -10: their mean would be too bright else. A feature that the renderer
-    did not write is a plane of zeros: its differences vanish, so neither the weights of Eq. 11 nor
+    Denoised colours are clamped at 0, noisy ones at -10: their mean would be too bright else. A feature that the
+    renderer did not write is a plane of zeros: its differences vanish, so neither the weights of Eq. 11 nor
     the slopes of Eq. 10 see it.
     """
     check_image("radiance", radiance, 3)
