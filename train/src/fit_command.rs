@@ -22,7 +22,7 @@ use sspc_core::frame_sums::Verdict;
 use sspc_core::objective::triple;
 use sspc_core::prepare::Prepared;
 use sspc_core::trust::Trust;
-use sspc_core::useful::{LEAST_SHARE, share_of_variant};
+use sspc_core::useful::{LEAST_USEFUL, share_of_variant};
 use sspc_kernels::features::DENOISED;
 use sspc_kernels::network::Network;
 use sspc_kernels::simd::Isa;
@@ -174,7 +174,7 @@ pub fn leave_out_useless(prepared: &mut [Prepared], learned: bool, made: usize) 
     let mut notes = Vec::new();
     for k in (1..count.saturating_sub(made)).rev() {
         let share = share_of_variant(prepared, k);
-        if share < LEAST_SHARE {
+        if share < LEAST_USEFUL {
             prepared.iter_mut().for_each(|frame| drop(frame.variants.remove(k)));
             notes.push(format!(
                 "further denoised picture {k} leads nowhere from the first one (share {share:.4}): it is left out, and `run` must \
