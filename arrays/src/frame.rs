@@ -107,7 +107,7 @@ impl GivenFrame {
             let first = [&a.denoised, &b.denoised].map(Image::clone);
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
-        Ok(Frame { a, b, denoised, variants, weights: self.weights })
+        Ok(Frame { a, b, denoised, variants, composite: None, weights: self.weights })
     }
 
     fn half(&mut self, half: Buffer) -> Result<HalfBuffer, Failure> {

@@ -1,6 +1,6 @@
 //! Additive passes of a frame: which are corrected, what makes denoised pictures of them, and what came of it.
 
-use crate::denoising::Denoising;
+use crate::denoising::{DenoisedPasses, Denoising};
 use crate::failure::Failure;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -8,7 +8,7 @@ use sspc_core::correct::{BandSource, CorrectionSettings};
 use sspc_core::passes::{Layout, PassRows, PassSource, SplitError, SumReport, split};
 use sspc_core::tiles::ParameterSource;
 use sspc_frames::error::Error;
-use sspc_frames::{OpenFrame, OpenPasses, OutputPlan, PassSelection};
+use sspc_frames::{MadeVariant, OpenFrame, OpenPasses, OutputPlan, PassSelection};
 use sspc_image::{CompactImage, Image, shown};
 use std::ops::Range;
 use std::time::Instant;
@@ -50,6 +50,8 @@ pub struct FramePasses {
     by: PassesBy,
     /// Of each pass, where one was made.
     denoised: Vec<Option<CompactImage>>,
+    /// What they make together.
+    composite: Option<MadeVariant>,
     layout: Layout,
     /// Seconds of finding and denoising.
     seconds: f64,
@@ -107,7 +109,7 @@ impl PassArgs {
         let Some((passes, by)) = self.open(open)? else { return Ok(None) };
         let begin = Instant::now();
         let denoised = match by {
-            PassesBy::Filter => Vec::new(),
+            PassesBy::Filter => DenoisedPasses::default(),
             PassesBy::Oidn => denoising.passes(open, &passes)?,
         };
         Ok(Some(FramePasses::new(passes, by, denoised, begin)))
@@ -129,15 +131,22 @@ impl PassArgs {
     /// As [`Self::find`].
     pub fn describe(&self, open: &OpenFrame) -> Result<Vec<String>, Failure> {
         let Some((passes, by)) = self.open(open)? else { return Ok(Vec::new()) };
-        Ok(FramePasses::new(passes, by, Vec::new(), Instant::now()).lines())
+        Ok(FramePasses::new(passes, by, DenoisedPasses::default(), Instant::now()).lines())
     }
 }
 
 impl FramePasses {
-    fn new(open: OpenPasses, by: PassesBy, denoised: Vec<Option<CompactImage>>, begin: Instant) -> Self {
+    fn new(open: OpenPasses, by: PassesBy, denoised: DenoisedPasses, begin: Instant) -> Self {
         let sets = open.sets.iter().map(|set| set.passes.clone()).collect();
         let storage = open.passes.iter().map(|pass| pass.storage).chain(open.alpha_storage()).collect();
-        Self { layout: Layout { sets, storage }, open, by, denoised, seconds: begin.elapsed().as_secs_f64() }
+        let DenoisedPasses { full, composite } = denoised;
+        let (layout, seconds) = (Layout { sets, storage }, begin.elapsed().as_secs_f64());
+        Self { layout, open, by, denoised: full, composite, seconds }
+    }
+
+    /// What the denoised pictures of passes make together, for the frame; once.
+    pub fn take_composite(&mut self) -> Option<MadeVariant> {
+        self.composite.take()
     }
 
     /// Where the pictures go.

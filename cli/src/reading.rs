@@ -4,10 +4,10 @@ use crate::failure::{Code, Failure};
 use rayon::join;
 use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::same_scene::{DifferentPlaces, SceneComparison};
-use sspc_frames::OpenFrame;
 use sspc_frames::checks::Inspection;
 use sspc_frames::error::Error;
 use sspc_frames::samples::HalfSamples;
+use sspc_frames::{MadeVariant, OpenFrame};
 use sspc_image::{DenoisedVariant, Frame, FrameRows, RoleSource};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -49,6 +49,16 @@ impl Source {
     }
 }
 
+impl Source {
+    /// Takes a picture that was put together from denoised passes.
+    pub fn set_composite(&mut self, composite: MadeVariant) {
+        match self {
+            Source::Held(frame) => frame.composite = Some(composite.rows(&(0..frame.height()))),
+            Source::Files(open, ..) => open.set_composite(composite),
+        }
+    }
+}
+
 impl FrameRows for Source {
     type Error = Error;
 
@@ -79,6 +89,13 @@ impl FrameRows for Source {
                 }
                 Ok(Cow::Owned(frame))
             }
+        }
+    }
+
+    fn has_composite(&self) -> bool {
+        match self {
+            Source::Held(frame) => frame.has_composite(),
+            Source::Files(open, ..) => open.has_composite(),
         }
     }
 }

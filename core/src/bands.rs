@@ -37,6 +37,10 @@ impl<R: FrameRows> BandSource for FrameBands<'_, R> {
         &self.stats
     }
 
+    fn has_composite(&self) -> bool {
+        self.rows.has_composite()
+    }
+
     fn band(&mut self, rows: Range<usize>, around: usize) -> Result<BandInput<'_>, R::Error> {
         let first = rows.start.saturating_sub(around);
         let last = (rows.end + around).min(self.rows.height());
@@ -92,6 +96,10 @@ impl BandSource for PreparedFrame<'_> {
 
     fn stats(&self) -> &FrameStats {
         &self.stats
+    }
+
+    fn has_composite(&self) -> bool {
+        self.prepared.as_ref().is_some_and(|prepared| prepared.composite.is_some())
     }
 
     /// # Panics

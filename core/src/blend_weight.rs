@@ -44,6 +44,16 @@ pub(crate) struct Evidence {
 impl Evidence {
     /// Evidence of corrected `halves`, `[3, H, W]` each, in the method's units.
     pub fn of(prepared: &Prepared, halves: &[Image; 2]) -> Self {
+        Self::between(prepared, |h, k, y| prepared.halves[h].row(DENOISED + k, y), |h, k, y| halves[h].row(k, y))
+    }
+
+    /// The same of the way between two pictures of each half, whose rows of half `h` and channel `k` are `from(h, k, y)` and
+    /// `to(h, k, y)`: d = to - from, r = y of the other half - from.
+    pub fn between<'p>(
+        prepared: &Prepared,
+        from: impl Fn(usize, usize, usize) -> &'p [f32] + Sync,
+        to: impl Fn(usize, usize, usize) -> &'p [f32] + Sync,
+    ) -> Self {
         let (height, width) = (prepared.height(), prepared.width());
         let mut evidence = Self { agreement: Image::zeros(1, height, width), size: Image::zeros(1, height, width) };
         if height * width == 0 {
@@ -55,11 +65,11 @@ impl Evidence {
         agreement.zip(size).enumerate().for_each(|(y, (agreement, size))| {
             for h in 0..2 {
                 let weight = weights[h].row(0, y);
-                let z = [0, 1, 2].map(|k| prepared.halves[h].row(DENOISED + k, y));
+                let from = [0, 1, 2].map(|k| from(h, k, y));
                 let target = [0, 1, 2].map(|k| prepared.target_row(h, k, y));
-                let corrected = [0, 1, 2].map(|k| halves[h].row(k, y));
+                let to = [0, 1, 2].map(|k| to(h, k, y));
                 for x in 0..width {
-                    let [r, d] = [target, corrected].map(|of| [0, 1, 2].map(|k| of[k][x] - z[k][x]));
+                    let [r, d] = [target, to].map(|of| [0, 1, 2].map(|k| of[k][x] - from[k][x]));
                     agreement[x] += weight[x] * dot(limited(r, weight[x]), d);
                     size[x] += weight[x] * dot(d, d);
                 }
@@ -132,6 +142,7 @@ pub(crate) mod tests {
             set: FeatureSet::NONE,
             plan: Plan::everything(height, width),
             variants: Vec::new(),
+            composite: None,
             weights: HalfWeights::EQUAL,
             differences: None,
             found: Findings::default(),

@@ -5,6 +5,7 @@
 //! of the full buffer: the picture starts from the better z.
 
 use crate::blend_weight::{Evidence, WEIGHT_RADIUS};
+use crate::composite;
 use crate::composition::Composition;
 use crate::corrector::correct;
 use crate::estimate;
@@ -62,15 +63,20 @@ pub struct Composer<'a> {
     /// Whether the parameters are those of a training that left out what [`crate::held_out`] says, of a whole picture:
     /// those pixels judge it then.
     pub judged_by_held_out: bool,
+    /// Whether frames bring a composite of their passes.
+    pub has_composite: bool,
 }
 
 impl Composer<'_> {
     /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window, the two box means of
-    /// the blend weight and that of the outlier limit.
+    /// the blend weight (two more of the composite's share) and that of the outlier limit.
     pub fn margin(&self) -> usize {
         match self.composition {
             Composition::MeanOfHalves => self.taps.radius(),
-            Composition::JudgedFullBuffer => self.taps.radius() + 2 * WEIGHT_RADIUS + LIMIT_RADIUS,
+            Composition::JudgedFullBuffer => {
+                let judged = if self.has_composite { 2 } else { 1 };
+                self.taps.radius() + judged * 2 * WEIGHT_RADIUS + LIMIT_RADIUS
+            }
         }
     }
 
@@ -100,7 +106,9 @@ impl Composer<'_> {
                     let share = self.weaken(evidence().without_held_out().share());
                     sums.held_out_gain = Some(estimate::held_out_gain(prepared, &halves, &share));
                 }
-                choice.map_or_else(|| evidence().share(), |choice| choice.share)
+                // A choice among networks knows nothing of the composite.
+                let chosen = choice.filter(|_| prepared.composite.is_none());
+                chosen.map_or_else(|| evidence().share(), |choice| choice.share)
             }
         };
         if self.composition == Composition::JudgedFullBuffer {
@@ -127,7 +135,8 @@ impl Composer<'_> {
         share
     }
 
-    /// Corrects what `rows` depend on: the mean over the networks, each on its own variant of z, or the first's.
+    /// Corrects what `rows` depend on: the mean over the networks, each on its own variant of z, or the first's; mixed with the
+    /// composite of passes where there is one.
     fn corrections<S: ParameterSource + ?Sized>(
         &self,
         prepared: &Prepared,
@@ -138,16 +147,34 @@ impl Composer<'_> {
         assert_eq!(networks, source.networks(), "a network for each variant of z");
         let weighed = prepared.plan.within_rows(self.weighed_rows(rows, prepared.height()));
         let first = self.corrections_of(0, prepared, source, rows, &weighed)?;
-        if prepared.variants.is_empty() {
-            return Ok(first);
+        let mut corrections = match prepared.variants.is_empty() {
+            true => first,
+            false => self.mean_over_networks(first, prepared, source, rows, &weighed)?,
+        };
+        if let (Some(composite), Composition::JudgedFullBuffer) = (&prepared.composite, self.composition) {
+            composite::mix(prepared, composite, &mut corrections.halves, &mut corrections.picture);
+            corrections.keep_denoised(prepared, &weighed);
         }
+        Ok(corrections)
+    }
+
+    /// The mean over the networks, of which the `first` was computed, or that one where the halves say so.
+    fn mean_over_networks<S: ParameterSource + ?Sized>(
+        &self,
+        first: Corrections,
+        prepared: &Prepared,
+        source: &S,
+        rows: &Range<usize>,
+        weighed: &Plan,
+    ) -> Result<Corrections, S::Error> {
+        let networks = prepared.networks();
         let mut mean = first.clone();
         for k in 1..networks {
-            let of_variant = self.corrections_of(k, prepared, source, rows, &weighed)?;
+            let of_variant = self.corrections_of(k, prepared, source, rows, weighed)?;
             mean.add(&of_variant);
         }
         mean.divide(networks);
-        mean.keep_denoised(prepared, &weighed);
+        mean.keep_denoised(prepared, weighed);
         if self.composition == Composition::JudgedFullBuffer {
             let choice = choose(prepared, &first.halves, &mean.halves);
             mean.mix(&first, &choice.mean);

@@ -35,6 +35,7 @@ pub mod blend_weight;
 mod block_sample;
 pub mod box_mean;
 pub mod compose;
+mod composite;
 pub mod composition;
 pub mod correct;
 pub mod corrector;

@@ -164,6 +164,7 @@ mod tests {
             valid: None,
             set: FeatureSet::NONE,
             variants: Vec::new(),
+            composite: None,
             plan: Plan::everything(SIZE.0, SIZE.1),
             weights: HalfWeights::EQUAL,
             differences: None,

@@ -29,6 +29,8 @@ pub struct Prepared {
     pub set: FeatureSet,
     /// What is fitted in the place of z, one network for each, in the order of the model; none where that is z alone.
     pub variants: Vec<Arc<Variant>>,
+    /// What the corrected picture is mixed with as far as the halves say (METHOD (14d)).
+    pub composite: Option<Arc<Variant>>,
     /// What each half weighs in means of both.
     pub weights: HalfWeights,
     /// Differences of y that the renderer estimated, to train on.
@@ -95,8 +97,8 @@ impl Prepared {
         let denoised = colour(&baseline(frame), stats.exposure, &valid);
         let ground = [&frame.a.denoised, &frame.b.denoised, &*baseline(frame)];
         let of = |variant| Arc::new(Variant::new(variant, ground, frame.weights, stats.exposure, &valid));
-        let variants = frame.variants.iter().map(of).collect();
-        Self { variants, weights: frame.weights, ..Self::of_parts(halves, denoised, valid, stats) }
+        let (variants, composite) = (frame.variants.iter().map(of).collect(), frame.composite.as_ref().map(of));
+        Self { variants, composite, weights: frame.weights, ..Self::of_parts(halves, denoised, valid, stats) }
     }
 
     /// The same of a whole frame that is given away, each half as soon as its features are there; and
@@ -105,15 +107,15 @@ impl Prepared {
         let valid = validity(&frame);
         let present = Role::FEATURES.map(|feature| presence(&frame, feature));
         let baseline = baseline(&frame).into_owned();
-        let Frame { a, b, denoised, variants, weights } = frame;
+        let Frame { a, b, denoised, variants, composite, weights } = frame;
         drop(denoised);
         let ground = [&a.denoised, &b.denoised, &baseline];
         let of = |variant| Arc::new(Variant::new(&variant, ground, weights, stats.exposure, &valid));
-        let variants = variants.into_iter().map(of).collect();
+        let (variants, composite) = (variants.into_iter().map(of).collect(), composite.map(of));
         let features = |half: HalfBuffer| half_features(&half, stats, &valid, &present);
         let halves = [features(a), features(b)];
         let denoised = colour(&baseline, stats.exposure, &valid);
-        (Self { variants, weights, ..Self::of_parts(halves, denoised, valid, stats) }, baseline)
+        (Self { variants, composite, weights, ..Self::of_parts(halves, denoised, valid, stats) }, baseline)
     }
 
     fn of_parts(halves: [Image; 2], denoised: Image, valid: Image, stats: &FrameStats) -> Self {
@@ -124,7 +126,8 @@ impl Prepared {
             Trust::Independent => Plan::new(&halves, valid.as_ref()),
         };
         let (halves, weights) = (halves.map(Arc::new), HalfWeights::EQUAL);
-        Self { plan, exposure, halves, denoised, valid, set, variants: Vec::new(), weights, differences: None, found }
+        let (variants, composite, differences) = (Vec::new(), None, None);
+        Self { plan, exposure, halves, denoised, valid, set, variants, composite, weights, differences, found }
     }
 
     /// How many networks are fitted.
@@ -132,7 +135,7 @@ impl Prepared {
         self.variants.len().max(1)
     }
 
-    /// The frame as network `k` and its g_c see it: variant `k` in the place of z, and no variants.
+    /// The frame as network `k` and its g_c see it: variant `k` in the place of z, and nothing beside it.
     ///
     /// # Panics
     /// When there is no such variant.
@@ -153,6 +156,7 @@ impl Prepared {
             denoised: denoised.clone(),
             valid: self.valid.clone(),
             variants: Vec::new(),
+            composite: None,
             plan: self.plan.clone(),
             differences: self.differences.clone(),
             ..*self
@@ -176,6 +180,7 @@ impl Prepared {
             denoised: cut(&self.denoised),
             valid: self.valid.as_ref().map(cut),
             variants: self.variants.iter().map(|variant| Arc::new(variant.map(cut))).collect(),
+            composite: self.composite.as_ref().map(|composite| Arc::new(composite.map(cut))),
             plan: self.plan.of_rows(rows.clone()),
             differences: None,
             ..*self

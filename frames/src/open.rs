@@ -34,6 +34,8 @@ pub struct Made {
     pub full: Option<CompactImage>,
     /// Further ones, after those of the files.
     pub variants: Vec<MadeVariant>,
+    /// Put together from those of additive passes: see [`Frame::composite`].
+    pub composite: Option<MadeVariant>,
 }
 
 /// A further denoised picture that is not in the files.
@@ -43,6 +45,14 @@ pub struct MadeVariant {
     pub halves: [CompactImage; 2],
     /// z of the full buffer.
     pub full: CompactImage,
+}
+
+impl MadeVariant {
+    /// Some rows of it.
+    pub fn rows(&self, rows: &Range<usize>) -> DenoisedVariant {
+        let of = |picture: &CompactImage| picture.rows(rows.clone());
+        DenoisedVariant { halves: self.halves.each_ref().map(of), full: Some(of(&self.full)) }
+    }
 }
 
 /// What a denoiser is given of a half.
@@ -97,6 +107,11 @@ impl OpenFrame {
             assert_eq!((picture.height(), picture.width()), size, "size of a denoised picture");
         }
         self.made = made;
+    }
+
+    /// Takes a picture that was put together from denoised passes.
+    pub fn set_composite(&mut self, composite: MadeVariant) {
+        self.made.composite = Some(composite);
     }
 
     /// Some rows of what a denoiser is given, of half a and of half b.
@@ -215,10 +230,7 @@ impl OpenFrame {
             let (Some(a), Some(b)) = (a, b) else { unreachable!("a further denoised picture has both halves") };
             variants.push(DenoisedVariant { halves: [a, b], full });
         }
-        for variant in &self.made.variants {
-            variants
-                .push(DenoisedVariant { halves: variant.halves.each_ref().map(made), full: Some(made(&variant.full)) });
-        }
+        variants.extend(self.made.variants.iter().map(|variant| variant.rows(&rows)));
         if let Some(halves) = &self.made.halves {
             for (buffer, picture) in [Buffer::A, Buffer::B].into_iter().zip(halves) {
                 images.insert((Role::Denoised, buffer, 0), made(picture));
@@ -232,7 +244,8 @@ impl OpenFrame {
             let first = [&a.denoised, &b.denoised].map(Image::clone);
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
-        Ok(Frame { a, b, denoised, variants, weights: self.weights() })
+        let composite = self.made.composite.as_ref().map(|composite| composite.rows(&rows));
+        Ok(Frame { a, b, denoised, variants, composite, weights: self.weights() })
     }
 
     /// Some rows of one role of a buffer, values as in the files; `None` where they do not hold it.
@@ -353,5 +366,9 @@ impl FrameRows for OpenFrame {
 
     fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Error> {
         OpenFrame::rows(self, rows).map(Cow::Owned)
+    }
+
+    fn has_composite(&self) -> bool {
+        self.made.composite.is_some()
     }
 }

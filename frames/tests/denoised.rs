@@ -90,7 +90,7 @@ fn one_denoised_half_alone_is_refused() {
     // The full buffer alone says nothing of the halves, and is kept.
     let mut frame = open(&files.with_denoised(None, None, Some(file)), &[]).expect("a frame");
     assert!(frame.undenoised().is_some() && frame.has(Role::Denoised, Buffer::Full));
-    frame.supply(Made { halves: Some([made(1.0), made(2.0)]), full: None, variants: Vec::new() });
+    frame.supply(Made { halves: Some([made(1.0), made(2.0)]), full: None, variants: Vec::new(), composite: None });
     let rows = frame.rows(0..4).expect("rows");
     assert_eq!(rows.denoised.as_ref().map(value), Some(3.0));
     assert!(rows.variants.is_empty());

@@ -63,6 +63,8 @@ pub struct Frame {
     pub denoised: Option<Image>,
     /// What is fitted in the place of z, one network for each, in the order of the model; none where that is z alone.
     pub variants: Vec<DenoisedVariant>,
+    /// A denoised picture that was put together from those of the frame's additive passes; no network starts from it.
+    pub composite: Option<DenoisedVariant>,
     /// What each half weighs in means of both.
     pub weights: HalfWeights,
 }
@@ -119,11 +121,12 @@ impl Frame {
             b: self.b.rows(top, height),
             denoised: self.denoised.as_ref().map(|z| z.crop(top, 0, height, z.width())),
             variants: self.variants.iter().map(|variant| variant.rows(top, height)).collect(),
+            composite: self.composite.as_ref().map(|composite| composite.rows(top, height)),
             weights: self.weights,
         }
     }
 
-    /// The rows `top..top + height` of radiance and denoised, without features and variants.
+    /// The rows `top..top + height` of radiance and denoised alone.
     pub fn colours(&self, top: usize, height: usize) -> Frame {
         let cut = |image: &Image| image.crop(top, 0, height, image.width());
         let half = |h: &HalfBuffer| HalfBuffer {
@@ -138,6 +141,7 @@ impl Frame {
             b: half(&self.b),
             denoised: self.denoised.as_ref().map(cut),
             variants: Vec::new(),
+            composite: None,
             weights: self.weights,
         }
     }

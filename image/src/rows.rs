@@ -21,6 +21,11 @@ pub trait FrameRows {
     /// # Errors
     /// What reading can raise.
     fn rows(&self, rows: Range<usize>) -> Result<Cow<'_, Frame>, Self::Error>;
+
+    /// Whether rows come with a [`Frame::composite`].
+    fn has_composite(&self) -> bool {
+        false
+    }
 }
 
 impl FrameRows for Frame {
@@ -39,5 +44,9 @@ impl FrameRows for Frame {
             true => Cow::Borrowed(self),
             false => Cow::Owned(Frame::rows(self, rows.start, rows.len())),
         })
+    }
+
+    fn has_composite(&self) -> bool {
+        self.composite.is_some()
     }
 }

@@ -108,6 +108,7 @@ pub fn prepared(halves: [Image; 2]) -> Prepared {
         set: FeatureSet::ALL,
         plan: Plan::everything(height, width),
         variants: Vec::new(),
+        composite: None,
         weights: HalfWeights::EQUAL,
         differences: None,
         found: Findings::default(),
@@ -132,7 +133,7 @@ pub fn frame_of(halves: &[Image; 2]) -> Frame {
         visibility: Some(planes(features, VISIBILITY, 1)),
     };
     let [a, b] = halves.each_ref().map(half);
-    Frame { a, b, denoised: None, variants: Vec::new(), weights: HalfWeights::EQUAL }
+    Frame { a, b, denoised: None, variants: Vec::new(), composite: None, weights: HalfWeights::EQUAL }
 }
 
 /// Planes `first..first + count`.

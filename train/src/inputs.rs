@@ -116,7 +116,7 @@ pub fn read(
     };
     let (differences, said) = as_read(&open, settings)?;
     let mut output = open.output()?;
-    let passes = passes.find(&open, denoising)?;
+    let mut passes = passes.find(&open, denoising)?;
     if let Some(passes) = &passes {
         output = output.and(passes.output()?)?;
     }
@@ -128,7 +128,10 @@ pub fn read(
             ShotFrame { frame: ReadFrame::held(&open, settings.exposure)?, denoiser, neighbours: Vec::new() }
         }
     };
-    let ReadFrame { source, stats, roles, samples, mut warnings, different } = frame;
+    let ReadFrame { mut source, stats, roles, samples, mut warnings, different } = frame;
+    if let Some(composite) = passes.as_mut().and_then(FramePasses::take_composite) {
+        source.set_composite(composite);
+    }
     warnings.extend(said);
     let Source::Held(frame) = source else { unreachable!("a frame that is held") };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;

@@ -41,10 +41,21 @@ fn heavy_noise(seed: u64) -> (Prepared, [Image; 2], f64) {
     let plan = Plan::everything(height, width);
     let halves = halves.map(std::sync::Arc::new);
     let (set, found) = (FeatureSet::NONE, Findings::default());
-    let (variants, weights) = (Vec::new(), HalfWeights::EQUAL);
+    let (variants, composite, weights) = (Vec::new(), None, HalfWeights::EQUAL);
     let differences = None;
-    let prepared =
-        Prepared { exposure: 1.0, halves, denoised, valid: None, set, variants, weights, differences, plan, found };
+    let prepared = Prepared {
+        exposure: 1.0,
+        halves,
+        denoised,
+        valid: None,
+        set,
+        variants,
+        composite,
+        weights,
+        differences,
+        plan,
+        found,
+    };
     (prepared, z, expected)
 }
 

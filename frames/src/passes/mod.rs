@@ -281,7 +281,22 @@ impl OpenPasses {
     /// # Panics
     /// When there is no such pass.
     pub fn rows_of(&self, pass: usize, rows: Range<usize>) -> Result<[Image; 2], Error> {
-        let groups = [0, 1].map(|h| vec![self.passes[pass].channels[h].clone()]);
+        self.rows_of_layer(&self.passes[pass], rows)
+    }
+
+    /// Some rows of one of the colours that passes are multiplied by, of half a and of half b.
+    ///
+    /// # Errors
+    /// As [`Self::rows`].
+    ///
+    /// # Panics
+    /// When there is no such colour.
+    pub fn rows_of_colour(&self, colour: usize, rows: Range<usize>) -> Result<[Image; 2], Error> {
+        self.rows_of_layer(&self.colours[colour], rows)
+    }
+
+    fn rows_of_layer(&self, layer: &OpenPass, rows: Range<usize>) -> Result<[Image; 2], Error> {
+        let groups = [0, 1].map(|h| vec![layer.channels[h].clone()]);
         let [mut a, mut b] = self.both_rows(groups, &rows)?;
         Ok([a.remove(0), b.remove(0)])
     }

@@ -113,7 +113,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         None => OpenFrame::open_to_denoise(&job.frame.files, overrides)?,
     };
     let (mut output, placing) = (open.output()?, open.placing());
-    let passes = arguments.frame.passes.find(&open, shared.denoising)?;
+    let mut passes = arguments.frame.passes.find(&open, shared.denoising)?;
     if let Some(passes) = &passes {
         output = output.and(passes.output()?)?;
         passes.lines().iter().for_each(|line| shared.output.say(line));
@@ -134,7 +134,10 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     neighbours.iter().for_each(|neighbour| shared.output.detail(&neighbour.line()));
 
     let beside = shows.then(|| Beside::read(&frame.source, frame.different.as_ref(), reference)).transpose()?;
-    let ReadFrame { source, stats, roles, samples, warnings, .. } = frame;
+    let ReadFrame { mut source, stats, roles, samples, warnings, .. } = frame;
+    if let Some(composite) = passes.as_mut().and_then(FramePasses::take_composite) {
+        source.set_composite(composite);
+    }
     check_variants(contract.networks, source.variants().max(1))?;
     let stats = stats.with_features_of(contract.features);
     let how = contract.correction(isa, arguments.run.strength);
