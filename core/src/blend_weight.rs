@@ -86,7 +86,12 @@ impl Evidence {
 
     /// Σ w r·d / Σ w d², from 0 to [`LARGEST_SHARE`].
     pub fn share(self) -> Image {
-        let (agreement, size) = (around(self.agreement), around(self.size));
+        self.share_within(WEIGHT_RADIUS)
+    }
+
+    /// The same over two box means of another radius.
+    pub fn share_within(self, radius: usize) -> Image {
+        let [agreement, size] = [self.agreement, self.size].map(|sums| box_mean(&box_mean(&sums, radius), radius));
         Image::from_rows(1, size.height(), size.width(), |_, y, row| {
             let sums = agreement.row(0, y).iter().zip(size.row(0, y));
             for (share, (agreement, size)) in row.iter_mut().zip(sums) {

@@ -5,7 +5,7 @@
 //! of the full buffer: the picture starts from the better z.
 
 use crate::blend_weight::{Evidence, WEIGHT_RADIUS};
-use crate::composite;
+use crate::composite::{MIX_RADIUS, mix};
 use crate::composition::Composition;
 use crate::corrector::correct;
 use crate::estimate;
@@ -74,8 +74,8 @@ impl Composer<'_> {
         match self.composition {
             Composition::MeanOfHalves => self.taps.radius(),
             Composition::JudgedFullBuffer => {
-                let judged = if self.has_composite { 2 } else { 1 };
-                self.taps.radius() + judged * 2 * WEIGHT_RADIUS + LIMIT_RADIUS
+                let of_mix = if self.has_composite { 2 * MIX_RADIUS } else { 0 };
+                self.taps.radius() + of_mix + 2 * WEIGHT_RADIUS + LIMIT_RADIUS
             }
         }
     }
@@ -152,7 +152,7 @@ impl Composer<'_> {
             false => self.mean_over_networks(first, prepared, source, rows, &weighed)?,
         };
         if let (Some(composite), Composition::JudgedFullBuffer) = (&prepared.composite, self.composition) {
-            composite::mix(prepared, composite, &mut corrections.halves, &mut corrections.picture);
+            mix(prepared, composite, &mut corrections.halves, &mut corrections.picture);
             corrections.keep_denoised(prepared, &weighed);
         }
         Ok(corrections)

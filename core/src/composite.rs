@@ -8,10 +8,13 @@ use crate::blend_weight::Evidence;
 use crate::prepare::{Prepared, Variant};
 use sspc_image::Image;
 
+/// Radius of the neighbourhood that judges a pixel; two box means of this radius.
+pub(crate) const MIX_RADIUS: usize = 7;
+
 /// Mixes the composite into corrected halves and their picture, `[3, H, W]` each, in the method's units.
 pub(crate) fn mix(prepared: &Prepared, composite: &Variant, halves: &mut [Image; 2], picture: &mut Image) {
     let evidence = Evidence::between(prepared, |h, k, y| halves[h].row(k, y), |h, k, y| composite.halves[h].row(k, y));
-    let share = evidence.share();
+    let share = evidence.share_within(MIX_RADIUS);
     let [a, b] = halves;
     for (image, other) in [(a, &composite.halves[0]), (b, &composite.halves[1]), (picture, &composite.denoised)] {
         image.for_each_row(|k, y, row| {
