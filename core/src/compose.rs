@@ -43,6 +43,8 @@ pub struct Band {
     pub halves: Image,
     /// Σ over the band's pixels of the weight of the mean over several networks; the first has the rest.
     pub weight_of_mean: f64,
+    /// Σ over the band's pixels of the composite's share, where there is one.
+    pub weight_of_composite: Option<f64>,
     /// The band's part of what the whole picture is judged by.
     pub sums: FrameSums,
 }
@@ -93,11 +95,11 @@ impl Composer<'_> {
         source: &S,
         rows: Range<usize>,
     ) -> Result<Band, S::Error> {
-        let Corrections { halves, mut picture, choice } = self.corrections(prepared, source, &rows)?;
+        let Corrections { halves, mut picture, choice, mixed } = self.corrections(prepared, source, &rows)?;
         let mut sums = FrameSums::default();
-        let weight_of_mean = choice.as_ref().map_or((rows.len() * prepared.width()) as f64, |choice| {
-            rows.clone().flat_map(|y| choice.mean.row(0, y)).map(|&t| f64::from(t)).sum()
-        });
+        let sum = |of: &Image| rows.clone().flat_map(|y| of.row(0, y)).map(|&t| f64::from(t)).sum::<f64>();
+        let weight_of_composite = mixed.as_ref().map(sum);
+        let weight_of_mean = choice.as_ref().map_or((rows.len() * prepared.width()) as f64, |choice| sum(&choice.mean));
         let mut share = match self.composition {
             Composition::MeanOfHalves => Image::filled(1, picture.height(), picture.width(), 1.0),
             Composition::JudgedFullBuffer => {
@@ -126,7 +128,8 @@ impl Composer<'_> {
             true => image,
             false => image.crop(rows.start, 0, rows.len(), image.width()),
         };
-        Ok(Band { correction: only(picture), share: only(share), halves: only(halves), weight_of_mean, sums })
+        let [correction, share, halves] = [picture, share, halves].map(only);
+        Ok(Band { correction, share, halves, weight_of_mean, weight_of_composite, sums })
     }
 
     /// A share of the whole correction, strength included.
@@ -152,7 +155,8 @@ impl Composer<'_> {
             false => self.mean_over_networks(first, prepared, source, rows, &weighed)?,
         };
         if let (Some(composite), Composition::JudgedFullBuffer) = (&prepared.composite, self.composition) {
-            mix(prepared, composite, &mut corrections.halves, &mut corrections.picture);
+            let Corrections { halves, picture, mixed, .. } = &mut corrections;
+            *mixed = Some(mix(prepared, composite, halves, picture));
             corrections.keep_denoised(prepared, &weighed);
         }
         Ok(corrections)
@@ -218,7 +222,7 @@ impl Composer<'_> {
             }
         }
         let picture = full.unwrap_or_else(|| prepared.weights.mean_of(&halves[0], &halves[1]));
-        Ok(Corrections { halves, picture, choice: None })
+        Ok(Corrections { halves, picture, choice: None, mixed: None })
     }
 
     /// The rows of the picture that `rows` of it depend on.
@@ -269,6 +273,8 @@ struct Corrections {
     picture: Image,
     /// How much of them is the mean over several networks.
     choice: Option<Choice>,
+    /// How much of them is the composite of passes.
+    mixed: Option<Image>,
 }
 
 impl Corrections {

@@ -11,8 +11,9 @@ use sspc_image::Image;
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub(crate) const MIX_RADIUS: usize = 7;
 
-/// Mixes the composite into corrected halves and their picture, `[3, H, W]` each, in the method's units.
-pub(crate) fn mix(prepared: &Prepared, composite: &Variant, halves: &mut [Image; 2], picture: &mut Image) {
+/// Mixes the composite into corrected halves and their picture, `[3, H, W]` each, in the method's units; returns m,
+/// `[1, H, W]`.
+pub(crate) fn mix(prepared: &Prepared, composite: &Variant, halves: &mut [Image; 2], picture: &mut Image) -> Image {
     let evidence = Evidence::between(prepared, |h, k, y| halves[h].row(k, y), |h, k, y| composite.halves[h].row(k, y));
     let share = evidence.share_within(MIX_RADIUS);
     let [a, b] = halves;
@@ -22,5 +23,32 @@ pub(crate) fn mix(prepared: &Prepared, composite: &Variant, halves: &mut [Image;
                 *v += share * (other - *v);
             }
         });
+    }
+    share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::blend_weight::tests::{TRUTH, Z, without_noise};
+
+    /// A correction that goes half the way to the truth, and composites that stand at the truth, a quarter beyond it, where the
+    /// correction is, and further away than z.
+    #[test]
+    fn a_composite_counts_as_far_as_it_leads_to_the_truth() {
+        let (height, width) = (5, 7);
+        let prepared = without_noise(height, width);
+        let at = |value: f32| Image::filled(3, height, width, value);
+        let way = TRUTH - Z;
+        for (stands, counts) in [(1.0, 1.0), (1.25, 0.5 / 0.75), (0.5, 0.0), (-1.0, 0.0)] {
+            let composite =
+                Variant { halves: [at(Z + stands * way), at(Z + stands * way)], denoised: at(Z + stands * way) };
+            let (mut halves, mut picture) = ([at(Z + 0.5 * way), at(Z + 0.5 * way)], at(Z + 0.5 * way));
+            let share = mix(&prepared, &composite, &mut halves, &mut picture);
+            assert!(share.data().iter().all(|m| (m - counts).abs() < 1e-5), "{stands}: {:?}", share.data());
+            let expected = Z + way * (0.5 + counts * (stands - 0.5));
+            let made = halves.iter().chain([&picture]).flat_map(Image::data);
+            assert!(made.into_iter().all(|v| (v - expected).abs() < 1e-5), "{stands}: not {expected}");
+        }
     }
 }

@@ -165,6 +165,8 @@ pub struct Corrected {
     pub active_share: f64,
     /// Mean weight of each network's correction; their sum is 1.
     pub network_weights: Vec<f64>,
+    /// Mean share of the composite of passes in the correction, 0..1, where there is one.
+    pub composite_share: Option<f64>,
     /// Where the time went.
     pub seconds: StageSeconds,
 }
@@ -202,6 +204,7 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
         how.keep_maps.then(|| Maps { share: Image::zeros(1, height, width), halves: Image::zeros(3, height, width) });
     let mut seconds = StageSeconds::default();
     let (mut sums, mut kept, mut active, mut of_mean) = (FrameSums::default(), 0.0, 0.0, 0.0);
+    let mut of_composite: Option<f64> = None;
     for rows in bands() {
         if stop() {
             return Err(CorrectError::Interrupted);
@@ -214,6 +217,7 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
         drop(prepared);
         kept += band.share.data().iter().map(|&s| f64::from(s)).sum::<f64>();
         of_mean += band.weight_of_mean;
+        of_composite = band.weight_of_composite.map(|of_band| of_composite.unwrap_or(0.0) + of_band).or(of_composite);
         sums.append(band.sums);
         picture.put_rows(rows.start, &ground.picture(exposure, Some(&band.correction)));
         if let Some(maps) = &mut maps {
@@ -249,6 +253,7 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
         mean_share: kept / pixels,
         active_share: active / pixels,
         network_weights: (0..networks).map(weight).collect(),
+        composite_share: of_composite.map(|of_composite| of_composite / pixels),
         seconds,
     })
 }

@@ -62,7 +62,7 @@ fn a_frame_without_denoised_halves_waits_for_them() {
 
     let planes = frame.planes();
     let variants = vec![MadeVariant { halves: [made(5.0), made(6.0)], full: made(7.0) }];
-    frame.supply(Made { halves: Some([made(2.0), made(3.0)]), full: Some(made(4.0)), variants });
+    frame.supply(Made { halves: Some([made(2.0), made(3.0)]), full: Some(made(4.0)), variants, composite: None });
     assert!(frame.undenoised().is_none());
     let rows = frame.rows(1..4).expect("rows");
     assert_eq!([value(&rows.a.denoised), value(&rows.b.denoised)], [2.0, 3.0]);

@@ -7,7 +7,7 @@ use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings};
 use sspc_core::prepare::FrameStats;
 use sspc_core::rng::Rng;
 use sspc_core::start;
-use sspc_image::{Frame, Image};
+use sspc_image::{DenoisedVariant, Frame, Image};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::network::Network;
 use sspc_kernels::parameters::Form;
@@ -46,6 +46,30 @@ fn bands_do_not_show() {
         assert!((banded.active_share - whole.active_share).abs() < TOLERANCE);
         let [found, expected] = [&banded, &whole].map(|run| run.verdict.estimate.corrected.value);
         assert!((found / expected - 1.0).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn bands_do_not_show_where_denoised_passes_are_mixed_in() {
+    let (mut frame, engine) = (sample(), engine());
+    let alone = run(&frame, &engine, 1000, 1.0);
+    // On the left nearer to the truth than z, as far as y says; on the right z is better.
+    let width = frame.width();
+    let of = |z: &Image, y: &Image| {
+        Image::from_fn(3, z.height(), width, |c, row, x| {
+            let z = z.at(c, row, x);
+            if x < width / 2 { 0.7 * z + 0.3 * y.at(c, row, x) } else { 1.5 * z }
+        })
+    };
+    let halves = [&frame.a, &frame.b].map(|half| of(&half.denoised, &half.radiance));
+    frame.composite = Some(DenoisedVariant { halves, full: None });
+    let whole = run(&frame, &engine, 1000, 1.0);
+    let share = whole.composite_share.expect("a share");
+    assert!(share > 0.01 && share < 0.9 && whole.picture != alone.picture, "{share}");
+    for rows in [16, 48] {
+        let banded = run(&frame, &engine, rows, 1.0);
+        assert_images_close(&banded.picture, &whole.picture, TOLERANCE, &format!("bands of {rows}"));
+        assert!((banded.composite_share.expect("a share") - share).abs() < TOLERANCE);
     }
 }
 

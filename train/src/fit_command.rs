@@ -248,6 +248,7 @@ fn report(
         fallback: outcome.verdict.fallback.clone(),
         mean_share: outcome.mean_share,
         network_weights: outcome.network_weights.clone(),
+        composite_share: outcome.composite_share,
         seconds,
         milliseconds_per_step: 1e3 * fitted.seconds / fitted.history.len().max(1) as f64,
         peak_rss_bytes: peak_rss_bytes(),

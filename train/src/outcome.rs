@@ -26,6 +26,8 @@ pub struct Outcome {
     pub mean_share: f64,
     /// Mean weight of each network's correction; their sum is 1.
     pub network_weights: Vec<f64>,
+    /// Mean share of the composite of passes in the correction, where there is one.
+    pub composite_share: Option<f64>,
     /// Share of the correction that was used, 0..1, `[1, H, W]`, where it was asked for.
     pub share: Option<Image>,
     /// Against the reference, where there is one.
@@ -92,6 +94,7 @@ pub fn correct_frame(
         verdict: corrected.verdict,
         mean_share: corrected.mean_share,
         network_weights: corrected.network_weights,
+        composite_share: corrected.composite_share,
         share,
         rel_l2,
     })

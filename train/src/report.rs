@@ -190,6 +190,9 @@ pub struct FitReport {
     pub mean_share: f64,
     /// Mean weight of each network's correction; their sum is 1.
     pub network_weights: Vec<f64>,
+    /// Mean share of what denoised passes make together in the correction, 0..1; absent without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub composite_share: Option<f64>,
     /// Where the time went.
     pub seconds: FitSeconds,
     /// Milliseconds per training step.

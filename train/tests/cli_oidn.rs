@@ -3,6 +3,7 @@
 
 use sspc_frames::read_picture;
 use sspc_testkit::c_programs::oidn_stand_in;
+use sspc_testkit::lit_frame::{LitFrame, read_layer};
 use sspc_testkit::skips::skipped;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -164,4 +165,39 @@ fn modes_beside_denoised_files_are_further_pictures() {
     assert_eq!(code, Some(0), "{message}");
     assert!(message.contains("denoised colour of half a from"), "{message}");
     assert_eq!(report(&out)["denoiser"]["modes"], serde_json::json!(["clean-aux", "colour"]));
+}
+
+/// Denoised passes are put together, and take part in the picture as far as the halves say.
+#[test]
+fn denoised_passes_take_part_in_the_picture_and_add_up_to_it() {
+    let Some(environment) = environment() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut frame = LitFrame::new(48, 80, &["Diffuse Direct", "Glossy Direct", "Emission"]);
+    frame.picture = "Combined".into();
+    frame.lights[0].colour = Some("Diffuse Color".into());
+    frame.lights[1].colour = Some("Glossy Color".into());
+    frame.write(folder.path());
+    let fit = |out: &str, arguments: &[&str]| {
+        let out = folder.path().join(out);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sspc-train"));
+        command
+            .env("VIRTUAL_ENV", &environment)
+            .arg("fit")
+            .args(["a.exr", "b.exr"].map(|name| folder.path().join(name)));
+        command.args(["--role", "denoised=none", "--steps", "4", "-o"]).arg(&out).args(arguments);
+        let (code, message) = run(command);
+        assert_eq!(code, Some(0), "{message}");
+        (report(&out), out.join("corrected.exr"))
+    };
+    let (with, picture) = fit("with", &["--passes", "auto"]);
+    let share = with["composite_share"].as_f64().expect("a share");
+    assert!(share > 0.0 && share <= 1.0, "{share}");
+    let error = frame.sum_error(&picture);
+    assert!(error <= 1.2e-7, "{error}");
+    // Averaged by the picture's own weights, passes tell the picture nothing.
+    let (by_filter, filtered) = fit("filter", &["--passes", "auto", "--passes-by", "filter"]);
+    let (without, alone) = fit("without", &[]);
+    assert!(by_filter.get("composite_share").is_none() && without.get("composite_share").is_none());
+    let [picture, filtered, alone] = [picture, filtered, alone].map(|path| read_layer(&path, "Combined", "RGB"));
+    assert!(filtered == alone && picture != alone);
 }

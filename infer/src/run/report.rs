@@ -116,6 +116,9 @@ pub struct FrameReport {
     pub active_share: f64,
     /// Mean weight of each network's correction; their sum is 1.
     pub network_weights: Vec<f64>,
+    /// Mean share of what denoised passes make together in the correction, 0..1; absent without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub composite_share: Option<f64>,
     /// Instruction set of our kernels.
     pub instruction_set: &'static str,
     /// Threads of the run.
@@ -191,6 +194,7 @@ impl FrameReport {
             mean_share: corrected.mean_share,
             active_share: corrected.active_share,
             network_weights: corrected.network_weights.clone(),
+            composite_share: corrected.composite_share,
             instruction_set: shared.isa.name(),
             threads: rayon::current_num_threads(),
             tile: shared.arguments.tile,
