@@ -9,8 +9,7 @@ use crate::record::samples_line;
 use clap::Args;
 use serde::Serialize;
 use sspc_frames::open::NoisyHalf;
-use sspc_frames::passes::OpenSet;
-use sspc_frames::{Made, MadeVariant, OpenFrame, OpenPasses, RoleOverrides};
+use sspc_frames::{Made, MadeVariant, OpenFrame, RoleOverrides};
 use sspc_image::{Buffer, CompactImage, HalfWeights, Image, Role};
 use sspc_oidn::buffers::mean_of_finite;
 use sspc_oidn::{Mode, Oidn, OidnError, Picture, Quality, Rows, Run};
@@ -23,13 +22,11 @@ use std::time::Instant;
 /// Most memory for the library's own work, MiB; its pictures come on top: 48 bytes a pixel.
 const MAX_MEMORY: u32 = 1024;
 /// Rows that are read at a time.
-const ROWS: usize = 256;
+pub(crate) const ROWS: usize = 256;
 /// The mode that makes z where nobody names one.
 const PLAIN: &[Mode] = &[Mode::Aux];
-/// A pass whose sum is below this share of its size subtracts light.
-const POSITIVE: f64 = 0.999;
 /// What is denoised.
-const BUFFERS: [Buffer; 3] = [Buffer::A, Buffer::B, Buffer::Full];
+pub(crate) const BUFFERS: [Buffer; 3] = [Buffer::A, Buffer::B, Buffer::Full];
 
 /// Which denoiser makes what the files do not hold.
 #[derive(Args, Clone, Debug, Default)]
@@ -132,15 +129,6 @@ pub struct Denoising<'a> {
     library: OnceCell<Oidn>,
 }
 
-/// Denoised pictures of additive passes.
-#[derive(Default)]
-pub struct DenoisedPasses {
-    /// Of each pass, of all samples; `None` for a pass without noise, and for one with light that is subtracted.
-    pub full: Vec<Option<CompactImage>>,
-    /// Passes that add up, each times its colour, of each half and of all samples.
-    pub composite: Option<MadeVariant>,
-}
-
 /// What is to be made of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Task {
@@ -195,52 +183,11 @@ impl<'a> Denoising<'a> {
         }))
     }
 
-    /// A denoised picture of every pass, of both halves together; and what passes that add up make together, of each half and
-    /// of both.
-    ///
-    /// # Errors
-    /// As [`Self::supply`].
-    pub fn passes(&self, open: &OpenFrame, passes: &OpenPasses) -> Result<DenoisedPasses, Failure> {
-        let count = passes.passes.len();
-        let full: Vec<Option<CompactImage>> =
-            (0..count).map(|k| self.pass(open, passes, k, Buffer::Full)).collect::<Result<_, _>>()?;
-        // Lobes, whose colours are not denoised, rather than lights.
-        let has_colour = |set: &&OpenSet| passes.passes[set.passes.clone()].iter().any(|pass| pass.colour.is_some());
-        let Some(set) = passes.sets.iter().find(has_colour).or(passes.sets.first()) else {
-            return Ok(DenoisedPasses { full, composite: None });
-        };
-        let of_half = |buffer| -> Result<CompactImage, Failure> {
-            let mut sum = Image::zeros(3, open.height(), open.width());
-            for k in set.passes.clone() {
-                add_pass(&mut sum, passes, (k, buffer), open.weights(), self.pass(open, passes, k, buffer)?.as_ref())?;
-            }
-            Ok(CompactImage::of(&sum))
-        };
-        let halves = [of_half(Buffer::A)?, of_half(Buffer::B)?];
-        let mut sum = Image::zeros(3, open.height(), open.width());
-        for k in set.passes.clone() {
-            add_pass(&mut sum, passes, (k, Buffer::Full), open.weights(), full[k].as_ref())?;
-        }
-        let composite = MadeVariant { halves, full: CompactImage::of(&sum) };
-        Ok(DenoisedPasses { full, composite: Some(composite) })
-    }
-
-    /// A denoised picture of a pass, of a half or of both together: guided by albedo and normal as rendered, in the quality of
-    /// the frame's own. `None` for a pass without noise, and for one with light that is subtracted, which the library does
-    /// not know.
-    fn pass(
-        &self,
-        open: &OpenFrame,
-        passes: &OpenPasses,
-        k: usize,
-        buffer: Buffer,
-    ) -> Result<Option<CompactImage>, Failure> {
-        let oidn = self.library(open)?;
+    /// One picture, guided by albedo and normal as rendered, in the quality of the frame's own.
+    pub(crate) fn plain(&self, open: &OpenFrame, picture: Picture) -> Result<Option<CompactImage>, Failure> {
         let run = Run { quality: self.quality(), max_memory: MAX_MEMORY, asked_to_stop: interrupt::asked };
         let mode = Mode::Aux.with(open.has(Role::Albedo, Buffer::A));
-        interrupt::check()?;
-        let Some(picture) = read_pass(open, passes, k, buffer)? else { return Ok(None) };
-        let denoised = oidn.denoise(picture, &[mode], &run).map_err(failure)?;
+        let denoised = self.library(open)?.denoise(picture, &[mode], &run).map_err(failure)?;
         Ok(denoised.into_iter().next().map(|made| made.picture))
     }
 
@@ -355,75 +302,7 @@ fn read(open: &OpenFrame, buffer: Buffer) -> Result<Picture, Failure> {
     Ok(picture)
 }
 
-/// Reads what the denoiser is given of a pass; `None` where there is no noise or light is subtracted.
-fn read_pass(open: &OpenFrame, passes: &OpenPasses, k: usize, buffer: Buffer) -> Result<Option<Picture>, Failure> {
-    let (height, width) = (open.height(), open.width());
-    let has = |role| open.has(role, Buffer::A);
-    let mut picture = Picture::new(height, width, has(Role::Albedo), has(Role::Normal));
-    let (mut sum, mut size, mut is_still) = (0.0, 0.0, true);
-    for top in (0..height).step_by(ROWS) {
-        interrupt::check()?;
-        let rows = top..(top + ROWS).min(height);
-        let [a, b] = open.noisy_rows(rows.clone())?;
-        let guides = match buffer {
-            Buffer::A => a,
-            Buffer::B => b,
-            Buffer::Full => mean(&a, &b, open.weights()),
-        };
-        let halves = passes.rows_of(k, rows)?;
-        is_still &= halves[0].data().iter().zip(halves[1].data()).all(|(a, b)| a.to_bits() == b.to_bits());
-        let both = mean_of_finite(&halves[0], &halves[1], open.weights());
-        for value in both.data().iter().filter(|value| value.is_finite()) {
-            sum += f64::from(*value);
-            size += f64::from(value.abs());
-        }
-        let colour = of_buffer(halves, buffer, open.weights());
-        let rows = Rows { colour: &colour, albedo: guides.albedo.as_ref(), normal: guides.normal.as_ref() };
-        picture.put_rows(top, &rows);
-    }
-    Ok((!is_still && sum >= POSITIVE * size).then_some(picture))
-}
-
-/// Adds a pass times its colour to a picture of the buffer: the `denoised` one, else as it is.
-fn add_pass(
-    sum: &mut Image,
-    passes: &OpenPasses,
-    (k, buffer): (usize, Buffer),
-    weights: HalfWeights,
-    denoised: Option<&CompactImage>,
-) -> Result<(), Failure> {
-    let (height, width) = (sum.height(), sum.width());
-    for top in (0..height).step_by(ROWS) {
-        interrupt::check()?;
-        let rows = top..(top + ROWS).min(height);
-        let pass = match denoised {
-            Some(denoised) => denoised.rows(rows.clone()),
-            None => of_buffer(passes.rows_of(k, rows.clone())?, buffer, weights),
-        };
-        let colour = passes.passes[k].colour.map(|at| passes.rows_of_colour(at, rows.clone())).transpose()?;
-        let colour = colour.map(|halves| of_buffer(halves, buffer, weights));
-        let mut part = sum.crop(top, 0, rows.len(), width);
-        part.for_each_row(|c, y, row| {
-            for (x, (v, pass)) in row.iter_mut().zip(pass.row(c, y)).enumerate() {
-                *v += pass * colour.as_ref().map_or(1.0, |colour| colour.at(c, y, x));
-            }
-        });
-        sum.put_rows(top, &part);
-    }
-    Ok(())
-}
-
-/// A layer of one half, or of both by their weights.
-fn of_buffer(halves: [Image; 2], buffer: Buffer, weights: HalfWeights) -> Image {
-    let [a, b] = halves;
-    match buffer {
-        Buffer::A => a,
-        Buffer::B => b,
-        Buffer::Full => mean_of_finite(&a, &b, weights),
-    }
-}
-
-fn mean(a: &NoisyHalf, b: &NoisyHalf, weights: HalfWeights) -> NoisyHalf {
+pub(crate) fn mean(a: &NoisyHalf, b: &NoisyHalf, weights: HalfWeights) -> NoisyHalf {
     let mean_of_finite = |a: &Image, b: &Image| mean_of_finite(a, b, weights);
     let of = |a: &Option<Image>, b: &Option<Image>| a.as_ref().zip(b.as_ref()).map(|(a, b)| mean_of_finite(a, b));
     NoisyHalf {

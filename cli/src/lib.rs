@@ -5,6 +5,7 @@
 //! | [`frame_args`] | the arguments that name a frame, or the frames of a shot |
 //! | [`run_args`] | how much is printed, threads, strength |
 //! | [`denoising`] | denoised pictures that the files do not hold |
+//! | [`denoised_passes`] | the same of additive passes, and what they make together |
 //! | [`passes`] | additive passes beside the picture |
 //! | [`reading`] | from files to a frame that was looked over |
 //! | [`shot`] | the same of a frame of a shot, with its neighbours |
@@ -15,6 +16,7 @@
 //! | [`record`] | what reports and pictures record: roles, provenance, memory |
 #![forbid(unsafe_code)]
 
+pub mod denoised_passes;
 pub mod denoising;
 pub mod failure;
 pub mod frame_args;

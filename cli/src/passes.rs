@@ -1,6 +1,7 @@
 //! Additive passes of a frame: which are corrected, what makes denoised pictures of them, and what came of it.
 
-use crate::denoising::{DenoisedPasses, Denoising};
+use crate::denoised_passes::DenoisedPasses;
+use crate::denoising::Denoising;
 use crate::failure::Failure;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
