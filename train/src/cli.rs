@@ -78,6 +78,8 @@ pub enum Graph {
     Image,
     /// The finished picture, as `sspc-infer run` writes it, in standard operators.
     Picture,
+    /// The same with g_c by an operator of our own, for onnxruntime with libsspc_operators.
+    Operators,
 }
 
 /// The arguments of `export`.
