@@ -1,6 +1,7 @@
 //! From network to picture: parameters of every pixel, and g_c over the whole picture.
 
 use crate::plan::{BLOCK_ROWS, Plan};
+use crate::threads::at_once;
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
@@ -19,7 +20,7 @@ pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters:
         return out;
     }
     let runs = plan.runs();
-    let job_rows = job_rows(height);
+    let job_rows = job_rows(height, at_once());
     let [r, g, b] = out.planes_mut();
     let jobs = r.par_chunks_mut(job_rows * width).zip(g.par_chunks_mut(job_rows * width));
     jobs.zip(b.par_chunks_mut(job_rows * width)).enumerate().for_each_init(Vec::new, |scratch, (job, rows)| {
@@ -49,7 +50,7 @@ pub fn means(
     parameters: &Image,
     plan: &Plan,
 ) -> Vec<(Region, Vec<f32>)> {
-    let job_rows = job_rows(windows.height());
+    let job_rows = job_rows(windows.height(), at_once());
     let runs = plan.runs();
     let jobs = (0..windows.height()).step_by(job_rows).flat_map(|top| {
         let first = runs.partition_point(|run| run.top < top);
@@ -67,9 +68,9 @@ pub fn means(
 }
 
 /// Rows that are corrected at a time: many, because g_c shares work between the rows of a region, but
-/// not so many that a thread is left without.
-fn job_rows(height: usize) -> usize {
-    let share = height / (2 * rayon::current_num_threads());
+/// not so many that one of `threads` threads is left without.
+pub fn job_rows(height: usize, threads: usize) -> usize {
+    let share = height / (2 * threads.max(1));
     (share / BLOCK_ROWS).clamp(1, 4) * BLOCK_ROWS
 }
 

@@ -1,6 +1,8 @@
-"""Runs GRAPH.onnx of every case in onnxruntime: `run_picture.py GRAPH [LIBRARY]`, LIBRARY with our operators. The working
-folder holds cases.json, a list of cases: a folder each with a file NAME.f32 for every NAME and shape of its arrays.json.
-This writes picture.f32, share.f32 and fallback.json into each. Any number of threads must give the same values."""
+"""Runs GRAPH.onnx of every case in onnxruntime: `run_picture.py GRAPH [LIBRARY]`, LIBRARY with our operators.
+
+The working folder holds cases.json, a list of cases: a folder each with a file NAME.f32 for every NAME and shape of its
+arrays.json. This writes picture.f32, share.f32 and fallback.json into each. With our operators any number of threads
+must give the same values."""
 
 import json
 import sys
