@@ -65,21 +65,21 @@ struct Api {
     create_status: unsafe extern "system" fn(code: c_int, text: *const c_char) -> *mut Status,
     _to_2: [usize; 1],
     get_error_message: unsafe extern "system" fn(*const Status) -> *const c_char,
-    _to_28: [usize; 25],
+    _to_26: [usize; 23],
     create_custom_op_domain: unsafe extern "system" fn(name: *const c_char, out: *mut *mut Domain) -> *mut Status,
     custom_op_domain_add: unsafe extern "system" fn(*mut Domain, *const CustomOp) -> *mut Status,
     add_custom_op_domain: unsafe extern "system" fn(*mut SessionOptions, *mut Domain) -> *mut Status,
-    _to_53: [usize; 22],
+    _to_51: [usize; 22],
     get_tensor_mutable_data: unsafe extern "system" fn(*mut Value, out: *mut *mut c_void) -> *mut Status,
-    _to_63: [usize; 9],
+    _to_61: [usize; 9],
     get_dimensions_count: unsafe extern "system" fn(*const Shape, out: *mut usize) -> *mut Status,
     get_dimensions: unsafe extern "system" fn(*const Shape, sizes: *mut i64, count: usize) -> *mut Status,
-    _to_67: [usize; 2],
+    _to_65: [usize; 2],
     get_tensor_type_and_shape: unsafe extern "system" fn(*const Value, out: *mut *mut Shape) -> *mut Status,
-    _to_88: [usize; 20],
+    _to_86: [usize; 20],
     get_attribute_int64:
         unsafe extern "system" fn(*const KernelInfo, name: *const c_char, out: *mut i64) -> *mut Status,
-    _to_92: [usize; 3],
+    _to_90: [usize; 3],
     get_input: unsafe extern "system" fn(*const KernelContext, index: usize, out: *mut *const Value) -> *mut Status,
     get_output: unsafe extern "system" fn(
         *mut KernelContext,
@@ -88,11 +88,11 @@ struct Api {
         count: usize,
         out: *mut *mut Value,
     ) -> *mut Status,
-    _to_95: [usize; 1],
+    _to_93: [usize; 1],
     release_status: unsafe extern "system" fn(*mut Status),
-    _to_101: [usize; 5],
+    _to_99: [usize; 5],
     release_shape: unsafe extern "system" fn(*mut Shape),
-    _to_277: [usize; 175],
+    _to_274: [usize; 174],
     parallel_for: unsafe extern "system" fn(
         *const KernelContext,
         work: unsafe extern "C" fn(data: *mut c_void, index: usize),
@@ -108,10 +108,10 @@ macro_rules! placed {
         $(const _: () = assert!(offset_of!(Api, $name) == $place * size_of::<usize>());)*
     };
 }
-placed!(create_status 0, get_error_message 2, create_custom_op_domain 28, custom_op_domain_add 29);
-placed!(add_custom_op_domain 30, get_tensor_mutable_data 53, get_dimensions_count 63, get_dimensions 64);
-placed!(get_tensor_type_and_shape 67, get_attribute_int64 88, get_input 92, get_output 93, release_status 95);
-placed!(release_shape 101, parallel_for 277);
+placed!(create_status 0, get_error_message 2, create_custom_op_domain 26, custom_op_domain_add 27);
+placed!(add_custom_op_domain 28, get_tensor_mutable_data 51, get_dimensions_count 61, get_dimensions 62);
+placed!(get_tensor_type_and_shape 65, get_attribute_int64 86, get_input 90, get_output 91, release_status 93);
+placed!(release_shape 99, parallel_for 274);
 
 /// A function of [`CustomOp`] that is left out.
 type Absent = Option<extern "system" fn()>;

@@ -137,7 +137,7 @@ impl<'a> Job<'a> {
     }
 
     /// Corrects the pixels of a part.
-    pub fn compute(&self, mut part: Part) {
+    pub fn compute(&self, part: Part) {
         let height = part.rows[0].len() / self.width;
         let (mut buffer, mut corrected) = (Vec::new(), Vec::new());
         for left in (0..self.width).step_by(TILE_COLUMNS) {

@@ -62,7 +62,7 @@ fn by_operator(g: &mut Ops, model: &Model, features: &str, full_z: &str, parts: 
     let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
     let parameters = g.concat(&parts, 1);
     let radius = vec![int(RADIUS_ATTRIBUTE, model.contract.window_radius as i64)];
-    let mut corrected = |g: &mut Ops, features: &str, output: &str| {
+    let corrected = |g: &mut Ops, features: &str, output: &str| {
         let inputs = [features, &parameters, Named::VALID];
         g.graph.op_of(DOMAIN, POST_CORRECTION, &inputs, output, radius.clone())
     };
