@@ -7,5 +7,8 @@
 //! | [`operator`] | what the operator computes, of which tensors |
 //! | [`ffi`] | onnxruntime's C interface: all of the crate's `unsafe` |
 
+#![deny(unsafe_code)]
+
+#[allow(unsafe_code)]
 pub mod ffi;
 pub mod operator;
