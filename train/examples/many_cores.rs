@@ -5,7 +5,8 @@
 //! machine can be faster than the chain, nor than the work divided by its threads. The gain is the work undivided over the
 //! larger of both.
 
-use sspc_core::corrector::job_rows;
+use sspc_core::compose::rows_at_once;
+use sspc_core::corrector::Jobs;
 use sspc_core::objective::{Objective, PixelLoss, Scratch, Tile, parts_of_tile};
 use sspc_core::rng::Rng;
 use sspc_core::start;
@@ -116,7 +117,8 @@ fn step(preset: Preset) {
         activate(isa, form, &mut parameters);
         let windows = objective.halves[0].planes.windows(region, Vec::new());
         let view = ParameterPlanes::of_region(form, &parameters, &region);
-        let whole = Correction { windows: &windows, taps: &objective.taps, region: region.at_origin(), parameters: view };
+        let whole =
+            Correction { windows: &windows, taps: &objective.taps, region: region.at_origin(), parameters: view };
         let cut = if parts > 1 { whole.in_parts(parts) } else { vec![whole] };
         let of_gc: Vec<f64> = cut
             .iter()
@@ -162,7 +164,8 @@ fn correction(height: usize, width: usize) {
         parameters.put(tile.region.top, tile.region.left, &out);
         milliseconds
     };
-    let of_network: Vec<f64> = grid.tiles_of_rows(0..height).iter().map(of_tile).collect();
+    let of_network: Vec<(usize, f64)> =
+        grid.tiles_of_rows(0..height).iter().map(|tile| (tile.region.top, of_tile(tile))).collect();
     let taps = Taps::square(radius);
     let windows = Windows::new(&features, None, FeatureSet::ALL, radius);
     let pad = time(|| drop(Windows::new(&features, None, FeatureSet::ALL, radius)));
@@ -171,24 +174,35 @@ fn correction(height: usize, width: usize) {
     println!("| threads | tasks at once | work | longest chain | gain at most |\n|---|---|---|---|---|");
     let mut undivided = 0.0;
     for threads in THREADS {
-        let rows = job_rows(height, threads);
-        // Alike but for the last: one of them, timed.
-        let region = Region { top: height / 3, left: 0, height: rows.min(height - height / 3), width };
-        let view = ParameterPlanes::of_picture(form, parameters.data(), &windows, &region);
-        let mut out = vec![0.0; 3 * region.pixels()];
-        let job = Correction { windows: &windows, taps: &taps, region, parameters: view };
-        let of_job = time(|| job.forward(isa, &mut out));
-        let jobs = height.div_ceil(rows);
-        let of_gc = vec![of_job; jobs];
-        // Padding is done by rows, of which there are thousands.
-        let padding = Stage { work: pad, chain: 0.0 };
-        let (network, gc) = (Stage::of(&of_network), padding.then(Stage::of(&of_gc)));
-        // Halves one after the other: network, g_c with its own guides, g_c with the full buffer's.
-        let of_half = network.then(gc).then(gc);
-        let all = of_half.then(of_half);
+        let step = rows_at_once(form, width, DEFAULT_TILE, threads);
+        let (mut all, mut most) = (Stage::default(), 0);
+        for top in (0..height).step_by(step) {
+            let rows = step.min(height - top);
+            let Jobs { rows: of_job, by_strips } = Jobs::new(rows, width, threads);
+            // Jobs are alike but for the last: one of each, timed.
+            let region = Region { top, left: 0, height: of_job.min(rows), width };
+            let view = ParameterPlanes::of_picture(form, parameters.data(), &windows, &region);
+            let job = Correction { windows: &windows, taps: &taps, region, parameters: view };
+            let cut = if by_strips { job.in_parts(1) } else { vec![job] };
+            let mut of_gc = Vec::new();
+            for part in cut {
+                let mut out = vec![0.0; 3 * part.region.pixels()];
+                let milliseconds = time(|| part.forward(isa, &mut out));
+                of_gc.extend(vec![milliseconds; rows.div_ceil(of_job)]);
+            }
+            let tiles = of_network.iter().filter(|(of_tile, _)| (top..top + rows).contains(of_tile));
+            let network: Vec<f64> = tiles.map(|(_, milliseconds)| *milliseconds).collect();
+            most = most.max(network.len().min(of_gc.len()));
+            // Padding is done by rows, of which there are thousands.
+            let padding = Stage { work: pad * rows as f64 / height as f64, chain: 0.0 };
+            let (network, gc) = (Stage::of(&network), padding.then(Stage::of(&of_gc)));
+            // Halves one after the other: network, g_c with its own guides, g_c with the full buffer's.
+            let of_half = network.then(gc).then(gc);
+            all = all.then(of_half).then(of_half);
+        }
         if threads == 1 {
             undivided = all.work;
         }
-        all.print(threads, jobs.min(of_network.len()), undivided);
+        all.print(threads, most, undivided);
     }
 }

@@ -11,8 +11,9 @@ from onnx import TensorProto, helper
 library, other = sys.argv[1:]
 
 
-def session(graph, path=library):
+def session(graph, path=library, threads=1):
     options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
     options.log_severity_level = 4
     if path:
         options.register_custom_ops_library(path)
@@ -60,3 +61,9 @@ refused("valid", lambda: run((1, 13, 4, 5), valid=(1, 1, 5, 4)))
 print("empty:", run((2, 13, 0, 5), (2, 16, 0, 5), (1, 1, 0, 5)).shape)
 found = run((1, 13, 4, 5), value=np.nan)
 print("NaN:", "kept z" if np.isnan(found).all() else found)
+rng = np.random.default_rng(1)
+sizes = dict(features=(2, 13, 70, 300), parameters=(2, 16, 70, 300), valid=(1, 1, 70, 300))
+values = {name: rng.random(size, np.float32) for name, size in sizes.items()}
+values["valid"] = (values["valid"] > 0.01).astype(np.float32)
+found = [session(node(window_radius=4), threads=threads).run(None, values)[0] for threads in (1, 2, 5)]
+print("threads:", "the same" if all(np.array_equal(found[0], other) for other in found[1:]) else "others")

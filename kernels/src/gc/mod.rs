@@ -21,6 +21,7 @@ mod vector;
 pub use given::Given;
 pub use kernel::{NoUpstream, Upstream};
 pub use parameter_planes::ParameterPlanes;
+pub use strip::STRIP;
 pub use taps::Taps;
 
 use crate::parts::in_parts;
