@@ -1,8 +1,8 @@
 """Runs GRAPH.onnx of every case in onnxruntime: `run_picture.py GRAPH [LIBRARY]`, LIBRARY with our operators.
 
 The working folder holds cases.json, a list of cases: a folder each with a file NAME.f32 for every NAME and shape of its
-arrays.json. This writes picture.f32, share.f32 and fallback.json into each. With our operators another number of threads
-must give the same but for the order in which onnxruntime's convolutions add."""
+arrays.json. This writes picture.f32, share.f32 and fallback.json into each. With our operators another number of
+threads must give the same but for the order in which onnxruntime's convolutions add."""
 
 import json
 import sys
