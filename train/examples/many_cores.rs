@@ -155,7 +155,7 @@ fn correction(height: usize, width: usize) {
     let window_network = WindowNetwork::new(isa, form, &Network { shape, weights });
     let grid = TileGrid::new(height, width, DEFAULT_TILE, shape.radius());
     let mut parameters = Image::zeros(shape.outputs, height, width);
-    let of_tile = |tile: &sspc_core::tiles::PictureTile| {
+    let mut of_tile = |tile: &sspc_core::tiles::PictureTile| {
         let mut out = Image::zeros(shape.outputs, tile.region.height, tile.region.width);
         let milliseconds = time(|| {
             let window = features.crop(tile.window.top, tile.window.left, tile.window.height, tile.window.width);
