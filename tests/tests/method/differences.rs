@@ -193,8 +193,8 @@ fn kernels_agree_with_their_naive_twin_on_odd_sizes() {
             };
             let mut found = vec![0.0; expected.len()];
             judge.of_tile(isa, loss::Differences { target: &given, weight: &of_given }, mu.data(), &mut found);
-            let found: f64 = judge.squares.iter().sum();
-            assert!((found / sum - 1.0).abs() < 1e-6, "{height}x{width} {}: {found}", isa.name());
+            let squares: f64 = judge.squares.iter().sum();
+            assert!((squares / sum - 1.0).abs() < 1e-6, "{height}x{width} {}: {squares}", isa.name());
             let far = found.iter().zip(&expected).map(|(f, e)| (f64::from(*f) - e).abs()).fold(0.0, f64::max);
             assert!(far < 1e-5, "{height}x{width} {}: {far}", isa.name());
         }
