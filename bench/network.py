@@ -1,27 +1,39 @@
-"""The network in four engines on the same features, g_c alone, and `sspc-infer run` file to file, in one run.
+"""The network in four engines on the same features, g_c alone and in onnxruntime, the picture graphs, and
+`sspc-infer run` file to file, in one run: the record of speed.
 
 A time counts only if the answer is right: the parameters of onnxruntime and PyTorch must equal ours to 1e-4 of a
-channel's largest value. Times are the minimum of the repeats; on a busy machine compare core-seconds.
+channel's largest value, g_c and the finished pictures to 1e-3. Times are the minimum of the repeats; on a busy machine
+compare core-seconds.
 """
 
 import json
 import os
 import subprocess
+import sys
 import tempfile
 import time
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from . import common, derived, machine
 
 ROOT = common.REPOSITORY
 DESCRIPTION = f"""\
-Measures the network in four engines on the same features, g_c alone, and `sspc-infer run` file to file.
+Measures the network in four engines on the same features, g_c by our kernels and by our operator in onnxruntime, the
+picture graphs in onnxruntime, and `sspc-infer run` file to file, and writes a dated record (table, JSON). Everything is
+also given as a ratio to onnxruntime or to our kernels, and to the machine's peak, measured in the same run.
 Build the programs first: `{common.BUILD}`.
 Run it with the interpreter that .ci/setup-python prints."""
 # Rows of the parameters that engine_speed writes are this far apart.
 ROW_STEP = 97
+LIBRARY = "libsspc_operators.so"
 # Nine layers of f32 sums in another order, then activations; of a channel's largest value.
 TOLERANCE = 1e-4
+# g_c of parameters that differ by as much, and finished pictures; of a channel's largest value.
+PICTURE_TOLERANCE = 1e-3
+# The size of the picture graphs: in standard operators they hold 640 planes.
+PICTURE_SIZE = (640, 360)
 
 
 class WrongAnswer(Exception):
@@ -80,16 +92,57 @@ def with_pytorch(model, features, repeats, threads):
     return timed(work, repeats)
 
 
-def check(name, found, expected):
-    """Compares the rows that engine_speed wrote."""
+def session(graph, threads, library=None):
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    if library:
+        options.register_custom_ops_library(str(library))
+    return onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+
+
+def operator_graph():
+    """A graph of our operator alone, in the paper's window."""
+    from onnx import TensorProto, helper
+
+    names = ["features", "parameters", "valid"]
+    node = helper.make_node("PostCorrection", names, ["corrected"], domain="sspc", window_radius=9)
+    inputs = [helper.make_tensor_value_info(name, TensorProto.FLOAT, [None] * 4) for name in names]
+    outputs = [helper.make_tensor_value_info("corrected", TensorProto.FLOAT, [None] * 4)]
+    sets = [helper.make_opsetid("", 17), helper.make_opsetid("sspc", 1)]
+    graph = helper.make_graph([node], "g_c", inputs, outputs)
+    return helper.make_model(graph, opset_imports=sets, ir_version=8).SerializeToString()
+
+
+def with_operator(library, features, parameters, repeats, threads):
     import numpy as np
 
+    inputs = dict(features=features, parameters=parameters, valid=np.ones_like(features[:, :1]))
+    running = session(operator_graph(), threads, library)
+    return timed(lambda: running.run(None, inputs)[0], repeats)
+
+
+def operator_library(programs):
+    """The library that onnxruntime loads: beside the programs, or beside what they were built of."""
+    found = [path for path in (programs / LIBRARY, programs / "deps" / LIBRARY) if path.is_file()]
+    return found[0] if found else common.fail(f"{programs / LIBRARY} does not exist; run `{common.BUILD}`")
+
+
+def check(name, found, expected, tolerance=TOLERANCE):
+    """Compares the rows that engine_speed wrote."""
     rows = found[0, :, ::ROW_STEP].transpose(1, 0, 2)
-    expected = expected.reshape(rows.shape)
-    scale = np.abs(expected).max(axis=(0, 2), keepdims=True)
-    worst = float((np.abs(rows - expected) / scale).max())
-    if not worst <= TOLERANCE:
-        raise WrongAnswer(f"{name}: {worst:.1e} of the largest value off, at most {TOLERANCE:.0e}")
+    return compare(name, rows, expected.reshape(rows.shape), (0, 2), tolerance)
+
+
+def compare(name, found, expected, axes, tolerance):
+    """The worst difference of a channel's largest value, which lies along `axes`."""
+    import numpy as np
+
+    scale = np.abs(expected).max(axis=axes, keepdims=True)
+    worst = float((np.abs(found - expected) / scale).max())
+    if not worst <= tolerance:
+        raise WrongAnswer(f"{name}: {worst:.1e} of the largest value off, at most {tolerance:.0e}")
     return worst
 
 
@@ -110,7 +163,68 @@ def measure_engines(programs, height, width, repeats, threads):
             found, seconds, core_seconds = engine(model, features, repeats, threads)
             worst = check(name, found, expected)
             lines.append(dict(name=name, seconds=seconds, core_seconds=core_seconds, gflop=flop, worst=worst))
+            if name == "onnxruntime":
+                parameters = found
+        found, seconds, core_seconds = with_operator(operator_library(programs), features, parameters, repeats, threads)
+        name = "g_c of one half, our operator in onnxruntime"
+        worst = check(name, found, np.fromfile(Path(folder, "corrected.f32"), np.float32), PICTURE_TOLERANCE)
+        flop = next(line["gflop"] for line in lines if line["name"] == "g_c of one half")
+        lines.append(dict(name=name, seconds=seconds, core_seconds=core_seconds, gflop=flop, worst=worst))
     return lines
+
+
+def picture_inputs(width, height):
+    """Halves of a made-up frame: a smooth picture, its noise, and z a little off."""
+    import numpy as np
+
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    truth = np.stack([0.4 + 0.3 * np.sin((x * (1 + k) + y) / 40) for k in range(3)])
+    shape = (2, 3, height, width)
+    features = np.broadcast_to(np.stack([x / width, y / height, (x + y) % 64 / 64]), shape)
+    return dict(
+        radiance=np.maximum(truth * (1 + 0.4 * rng.standard_normal(shape)), 0).astype(np.float32),
+        denoised=(truth * (1 + 0.02 * rng.standard_normal(shape))).astype(np.float32),
+        denoised_full=truth[None].astype(np.float32),
+        albedo=features.astype(np.float32),
+        normal=(2 * features - 1).astype(np.float32),
+        visibility=features[:, :1].astype(np.float32),
+        exposure=np.ones(1, np.float32),
+        strength=np.ones(1, np.float32),
+    )
+
+
+def measure_pictures(programs, repeats, threads):
+    """The finished picture by both graphs in onnxruntime: name, seconds, core-seconds, worst difference."""
+    width, height = PICTURE_SIZE
+    inputs, lines, first = picture_inputs(width, height), [], None
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run([programs / "examples/write_graphs", folder, "gated"], check=True)
+        for graph, library in [("picture", None), ("operators", operator_library(programs))]:
+            running = session(str(Path(folder, f"{graph}.onnx")), threads, library)
+            (picture, share, fallback), *times = timed(partial(running.run, None, inputs), repeats)
+            if fallback[0] or not 0.01 < share.mean() < 0.99:
+                raise WrongAnswer(f"{graph}: nothing to see, fallback {fallback[0]}, mean share {share.mean():.3f}")
+            first = picture if first is None else first
+            worst = compare(graph, picture, first, (0, 2, 3), PICTURE_TOLERANCE)
+            lines.append(dict(name=graph, seconds=times[0], core_seconds=times[1], worst=worst))
+    return lines
+
+
+def picture_table(lines):
+    width, height = PICTURE_SIZE
+    least = lines[-1]["core_seconds"]
+    table = [
+        f"### The finished picture in onnxruntime, {width} x {height}, nine layers, windows of 19 x 19",
+        "",
+        "| graph | seconds | core-seconds | core-µs a pixel | / operators |",
+        "|---|---|---|---|---|",
+    ]
+    for line in lines:
+        times = f"{line['seconds']:.2f} | {line['core_seconds']:.2f}"
+        micro = line["core_seconds"] * 1e6 / (width * height)
+        table.append(f"| {line['name']} | {times} | {micro:.2f} | {line['core_seconds'] / least:.1f} |")
+    return "\n".join(table)
 
 
 def engine_table(lines, height, width):
@@ -122,16 +236,20 @@ def engine_table(lines, height, width):
         "",
         f"A core's multiply-adds alone: {most:.0f} GFLOP/s.",
         "",
-        "| | seconds | core-seconds | / onnxruntime | GFLOP per core-second | of the peak |",
-        "|---|---|---|---|---|---|",
+        "| | seconds | core-seconds | core-µs a pixel | ratio | GFLOP per core-second | of the peak |",
+        "|---|---|---|---|---|---|---|",
     ]
+    gc = next(line for line in lines if line["name"] == "g_c of one half")["core_seconds"]
     for line in lines:
         if line is peak:
             continue
         rate = line["gflop"] / line["core_seconds"]
-        ratio = "" if line["name"].startswith("g_c") else f"{line['core_seconds'] / ort:.2f}"
+        of_gc = line["name"].startswith("g_c")
+        # The network's to onnxruntime's, g_c's to that of our kernels.
+        ratio = line["core_seconds"] / (gc if of_gc else ort)
         times = f"{line['seconds']:.2f} | {line['core_seconds']:.2f}"
-        table.append(f"| {line['name']} | {times} | {ratio} | {rate:.0f} | {rate / most:.0%} |")
+        micro = line["core_seconds"] * 1e6 / (width * height)
+        table.append(f"| {line['name']} | {times} | {micro:.2f} | {ratio:.2f} | {rate:.0f} | {rate / most:.0%} |")
     return "\n".join(table)
 
 
@@ -184,20 +302,53 @@ def main(arguments=None):
         "--sizes", type=common.sizes, default=default, metavar="WxH,WxH", help="default 1280x720,3840x2160"
     )
     parser.add_argument("--repeats", type=common.positive, default=3, metavar="N", help="default 3")
+    common.add_output(parser)
     options = parser.parse_args(arguments)
     threads = options.threads or len(os.sched_getaffinity(0))
-    programs = common.program(options, "sspc-infer").parent
+    program = common.program(options, "sspc-infer")
+    programs = program.parent
+    about = common.about("bench/network", arguments, options, [program, operator_library(programs)])
+    figures, tables = dict(engines=[], pictures=[], runs=[]), []
 
-    about, head = machine.machine(threads), machine.commit(ROOT)
-    load = about["load_average_before"][0]
-    print(f"{about['processor']}, {threads} threads, load {load}, commit {head['hash']}\n")
+    def add(kind, figure, table):
+        figures[kind].append(figure)
+        tables.append(table)
+        print(table + "\n", flush=True)
+
     for width, height in options.sizes:
         lines = measure_engines(programs, height, width, options.repeats, threads)
-        print(engine_table(lines, height, width) + "\n")
+        add("engines", dict(width=width, height=height, lines=lines), engine_table(lines, height, width))
         with tempfile.TemporaryDirectory() as folder:
             for name in ("a.exr", "b.exr", "denoised.exr"):
                 source = ROOT / "tests/data/sample" / name
                 derived.mirror(programs / "examples/edit_exr", source, Path(folder, name), width, height)
             model = model_for(programs, folder)
-            print(run_table(measure_run(programs, folder, model, options.repeats, threads)) + "\n")
+            report = measure_run(programs, folder, model, options.repeats, threads)
+            add("runs", report, run_table(report))
+    pictures = measure_pictures(programs, options.repeats, threads)
+    add("pictures", pictures, picture_table(pictures))
+    about["load_average_after"] = machine.load()
+    for path in write(options.output, about, figures, tables, threads):
+        print(f"wrote {path}", file=sys.stderr)
     return 0
+
+
+def write(folder, about, figures, tables, threads):
+    """The record's two files, network-DATE-COMMIT.md and .json; their paths."""
+    host, dirty = about["machine"], about["commit"]["dirty"]
+    day = datetime.fromisoformat(about["date"]).date().isoformat()
+    stem = f"network-{day}-{about['commit']['hash']}{'-dirty' if dirty else ''}"
+    head = [
+        f"# Speed of the kernels, {day}",
+        "",
+        f"Command `{about['command']}`, commit {about['commit']['hash']}{', changed' if dirty else ''}. "
+        f"{host['processor']}, {threads} threads of {host['cores_usable']} cores usable, {host['system']}; "
+        f"load average {host['load_average_before'][0]} before, {about['load_average_after'][0]} after. "
+        "A network's ratio is to onnxruntime's core-seconds, that of g_c to our kernels'.",
+        "",
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {".md": "\n".join([*head, "\n\n".join(tables), ""]), ".json": json.dumps(about | figures, indent=1) + "\n"}
+    for ending, text in texts.items():
+        Path(folder, stem + ending).write_text(text)
+    return [Path(folder, stem + ending) for ending in texts]

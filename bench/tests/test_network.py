@@ -37,6 +37,25 @@ class Check(unittest.TestCase):
         with self.assertRaisesRegex(network.WrongAnswer, "wrong"):
             network.check("wrong", found, rows.reshape(-1))
 
+    def test_a_record_is_written_with_every_table(self):
+        about = {
+            "date": "2026-11-26T10:00:00+00:00",
+            "commit": {"hash": "abc1234", "dirty": True},
+            "command": "bench/network",
+            "machine": {"processor": "P", "cores_usable": 2, "system": "S", "load_average_before": [0.1]},
+            "load_average_after": [0.2],
+        }
+        lines = [dict(name=name, seconds=2.0, core_seconds=4.0) for name in ("picture", "operators")]
+        with tempfile.TemporaryDirectory() as folder:
+            tables = [network.picture_table(lines), "second"]
+            paths = network.write(Path(folder), about, {"pictures": [lines]}, tables, 2)
+            self.assertEqual(
+                [path.name for path in paths], [f"network-2026-11-26-abc1234-dirty{e}" for e in (".md", ".json")]
+            )
+            text = paths[0].read_text()
+            self.assertIn("| picture | 2.00 | 4.00 | 17.36 | 1.0 |", text)
+            self.assertTrue(text.endswith("second\n"))
+
 
 if __name__ == "__main__":
     unittest.main()

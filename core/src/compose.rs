@@ -15,6 +15,7 @@ use crate::objective::triple;
 use crate::outlier_limit::{LIMIT_RADIUS, limit_outliers};
 use crate::plan::{BLOCK_ROWS, Plan};
 use crate::prepare::{Guides, Prepared};
+use crate::threads::at_once;
 use crate::tiles::{ParameterSource, parameters};
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
@@ -30,6 +31,8 @@ const ROWS_AT_ONCE: usize = 128;
 const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
 /// Memory for the parameters of the rows that are corrected at a time: beyond it, rows do not hold more.
 const PARAMETER_BYTES: usize = 16 << 20;
+/// Threads for which that is enough; more of them have as much for each four.
+const THREADS_OF_PARAMETER_BYTES: usize = 4;
 
 /// A band of rows, corrected and weighed.
 #[derive(Clone, Debug)]
@@ -243,9 +246,7 @@ impl Composer<'_> {
 
     /// Rows that are corrected at a time: as many as keep all threads busy, in whole tiles where the memory allows.
     fn rows_at_once(&self, width: usize, tile: usize) -> usize {
-        let bytes_per_row = size_of::<f32>() * self.form.parameters() * width.max(1);
-        let rows = PARAMETER_BYTES / bytes_per_row / ROWS_AT_ONCE * ROWS_AT_ONCE;
-        rows.max(tile.next_multiple_of(ROWS_AT_ONCE))
+        rows_at_once(self.form, width, tile, at_once())
     }
 
     /// g_c of some rows of half `h`, `[3, rows, W]`.
@@ -263,6 +264,14 @@ impl Composer<'_> {
         let windows = Windows::of_rows(size, rows.clone(), fill, valid, set, self.taps.radius());
         correct(self.isa, self.form, &windows, self.taps, parameters, plan)
     }
+}
+
+/// Rows of a picture that are corrected at a time where so many threads can run at once.
+pub fn rows_at_once(form: Form, width: usize, tile: usize, threads: usize) -> usize {
+    let bytes_per_row = size_of::<f32>() * form.parameters() * width.max(1);
+    let bytes = PARAMETER_BYTES * threads.div_ceil(THREADS_OF_PARAMETER_BYTES).max(1);
+    let rows = bytes / bytes_per_row / ROWS_AT_ONCE * ROWS_AT_ONCE;
+    rows.max(tile.next_multiple_of(ROWS_AT_ONCE))
 }
 
 /// A picture's corrections before they are weighed, `[3, H, W]` each; z where nothing was computed.

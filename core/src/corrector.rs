@@ -1,10 +1,11 @@
 //! From network to picture: parameters of every pixel, and g_c over the whole picture.
 
 use crate::plan::{BLOCK_ROWS, Plan};
+use crate::threads::at_once;
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
-use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
+use sspc_kernels::gc::{Correction, ParameterPlanes, STRIP, Taps};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
@@ -19,7 +20,7 @@ pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters:
         return out;
     }
     let runs = plan.runs();
-    let job_rows = job_rows(height);
+    let Jobs { rows: job_rows, by_strips } = Jobs::new(height, width, at_once());
     let [r, g, b] = out.planes_mut();
     let jobs = r.par_chunks_mut(job_rows * width).zip(g.par_chunks_mut(job_rows * width));
     jobs.zip(b.par_chunks_mut(job_rows * width)).enumerate().for_each_init(Vec::new, |scratch, (job, rows)| {
@@ -30,8 +31,19 @@ pub fn correct(isa: Isa, form: Form, windows: &Windows, taps: &Taps, parameters:
         let last = runs.partition_point(|run| run.top < top + job_rows);
         for region in stacked(&runs[first..last]) {
             let view = ParameterPlanes::of_picture(form, parameters.data(), windows, &region);
+            let job = Correction { windows, taps, region, parameters: view };
+            if by_strips {
+                let of_strip = |strip: Correction| {
+                    let mut corrected = vec![0.0; 3 * strip.region.pixels()];
+                    strip.forward(isa, &mut corrected);
+                    (strip.region, corrected)
+                };
+                let strips: Vec<_> = job.in_parts(1).into_par_iter().map(of_strip).collect();
+                strips.iter().for_each(|(region, corrected)| put(region, top, corrected, width, &mut rows));
+                continue;
+            }
             scratch.resize(3 * region.pixels(), 0.0);
-            Correction { windows, taps, region, parameters: view }.forward(isa, scratch);
+            job.forward(isa, scratch);
             put(&region, top, scratch, width, &mut rows);
         }
     });
@@ -49,7 +61,7 @@ pub fn means(
     parameters: &Image,
     plan: &Plan,
 ) -> Vec<(Region, Vec<f32>)> {
-    let job_rows = job_rows(windows.height());
+    let job_rows = Jobs::new(windows.height(), windows.width(), at_once()).rows;
     let runs = plan.runs();
     let jobs = (0..windows.height()).step_by(job_rows).flat_map(|top| {
         let first = runs.partition_point(|run| run.top < top);
@@ -66,11 +78,22 @@ pub fn means(
     jobs.into_par_iter().map(of_job).collect()
 }
 
-/// Rows that are corrected at a time: many, because g_c shares work between the rows of a region, but
-/// not so many that a thread is left without.
-fn job_rows(height: usize) -> usize {
-    let share = height / (2 * rayon::current_num_threads());
-    (share / BLOCK_ROWS).clamp(1, 4) * BLOCK_ROWS
+/// How g_c over a picture is divided: rows at a time, and whether each strip of theirs is a task of its own.
+pub struct Jobs {
+    /// Many, because g_c shares work between the rows of a region, but not so many that a thread is left without.
+    pub rows: usize,
+    /// Strips share nothing, so that this costs little.
+    pub by_strips: bool,
+}
+
+impl Jobs {
+    /// For a picture of `height` x `width` where so many threads can run at once.
+    pub fn new(height: usize, width: usize, threads: usize) -> Self {
+        let wanted = 2 * threads.max(1);
+        let share = height * width.div_ceil(STRIP) / wanted;
+        let rows = (share / BLOCK_ROWS).clamp(1, 4) * BLOCK_ROWS;
+        Self { rows, by_strips: height.div_ceil(rows) < wanted }
+    }
 }
 
 /// Runs of blocks, in row order, as regions: those that lie exactly below one another as one.

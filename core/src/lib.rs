@@ -57,6 +57,7 @@ pub mod rng;
 pub mod same_scene;
 mod shared_noise;
 pub mod start;
+mod threads;
 pub mod tiles;
 pub mod trust;
 mod unlike;

@@ -1,7 +1,7 @@
 //! Model files: what is accepted means exactly what this program computes, and nothing else is accepted.
 
 use super::assert_one_line;
-use sspc_onnx::{GraphKind, read_graph_kind, read_model, write_image, write_network, write_picture};
+use sspc_onnx::{GraphKind, read_graph_kind, read_model, write_image, write_network, write_operators, write_picture};
 
 /// Reads the bytes; whether they are a model.
 pub fn read(bytes: &[u8]) -> bool {
@@ -19,6 +19,7 @@ pub fn read(bytes: &[u8]) -> bool {
         GraphKind::Network => write_network(&model),
         GraphKind::Image => write_image(&model),
         GraphKind::Picture => write_picture(&model),
+        GraphKind::Operators => write_operators(&model),
     };
     assert_eq!(read_model(&written).expect("what was written can be read"), model);
     true

@@ -1,7 +1,7 @@
 //! Times the network by our kernels and by tract, and g_c, on made-up features:
 //! `engine_speed FOLDER HEIGHT WIDTH [REPEATS]`. Prints one JSON object a line, least of the repeats, and leaves in
-//! FOLDER network.onnx and rows.f32, the parameters of some rows, for other engines to be compared with.
-//! `bench/network` runs it beside onnxruntime and PyTorch.
+//! FOLDER network.onnx, rows.f32 and corrected.f32, parameters and g_c of some rows, for other engines to be compared
+//! with. `bench/network` runs it beside onnxruntime and PyTorch.
 
 use sspc_core::corrector::correct;
 use sspc_core::plan::Plan;
@@ -63,6 +63,12 @@ impl Peak {
     }
 }
 
+/// Rows of every channel, as bytes.
+fn some_rows(image: &Image) -> Vec<u8> {
+    let rows = (0..image.height()).step_by(ROW_STEP).flat_map(|y| (0..image.channels()).map(move |c| (c, y)));
+    rows.flat_map(|(c, y)| image.row(c, y)).flat_map(|v| v.to_le_bytes()).collect()
+}
+
 /// Prints what `work` takes, the least of the repeats in both measures.
 fn report(name: &str, flop: f64, repeats: usize, mut work: impl FnMut()) {
     let (mut seconds, mut core_seconds) = (f64::INFINITY, f64::INFINITY);
@@ -110,19 +116,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         });
         let Some(parameters) = computed else { continue };
         if kernels == Kernels::Fused(best) {
-            let rows: Vec<f32> = (0..height)
-                .step_by(ROW_STEP)
-                .flat_map(|y| (0..parameters.channels()).flat_map(move |c| [(c, y)]))
-                .flat_map(|(c, y)| parameters.row(c, y).to_vec())
-                .collect();
             std::fs::write(folder.join("network.onnx"), write_network(&model))?;
-            std::fs::write(folder.join("rows.f32"), rows.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?;
+            std::fs::write(folder.join("rows.f32"), some_rows(&parameters))?;
             let taps = Taps::square(model.contract.window_radius);
             let windows = Windows::new(&features, None, FeatureSet::ALL, taps.radius());
             let side = (2 * taps.radius() + 1) as f64;
+            let mut corrected = None;
             report("g_c of one half", FLOP_A_TAP * side * side * pixels, repeats, || {
-                std::hint::black_box(correct(best, Form::Gated, &windows, &taps, &parameters, &everything));
+                corrected = Some(correct(best, Form::Gated, &windows, &taps, &parameters, &everything));
             });
+            let Some(corrected) = corrected else { continue };
+            std::fs::write(folder.join("corrected.f32"), some_rows(&corrected))?;
         }
     }
     Ok(())

@@ -78,6 +78,7 @@ fn graph_words(kind: GraphKind) -> String {
         GraphKind::Network => "network: features [N, 13, H, W] to parameters [N, P, H, W]".into(),
         GraphKind::Image => "image: the half buffers to the mean of both corrected, in standard operators".into(),
         GraphKind::Picture => "picture: the half buffers to the finished picture, in standard operators".into(),
+        GraphKind::Operators => "operators: the half buffers to the finished picture, by libsspc_operators".into(),
     }
 }
 

@@ -7,6 +7,7 @@ pub mod gc;
 pub mod loss;
 pub mod network;
 pub mod parameters;
+pub mod parts;
 pub mod region;
 pub mod simd;
 pub mod windows;

@@ -17,8 +17,9 @@ pub struct SelfSupervised<'a> {
     pub scale: f32,
     /// The weighted error norm m from which a pixel's gradient is limited.
     pub influence: f32,
-    /// Σ of weighted squared errors so far, without `scale`.
-    pub sum: f64,
+    /// Weighted squared errors so far, without `scale`, of each vector of pixels: their sum does not depend on how the
+    /// tile was divided.
+    pub squares: Vec<f64>,
 }
 
 impl Upstream for SelfSupervised<'_> {
@@ -48,7 +49,7 @@ pub struct Differences<'a> {
 
 impl SelfSupervised<'_> {
     /// The gradient by μ̂ of the loss of a whole tile, differences between its pixels included, `[3, h, w]`; the
-    /// differences' weighted squared errors are added to `sum` too. `corrected` is μ̂, `[3, h, w]`.
+    /// differences' weighted squared errors are added to `squares` too. `corrected` is μ̂, `[3, h, w]`.
     ///
     /// # Panics
     /// When a slice has another length.
@@ -58,12 +59,12 @@ impl SelfSupervised<'_> {
         dispatch(isa, OfTile { judge: self, differences, corrected, upstream });
     }
 
-    /// Factor of the error of a gradient, from the weight and the weighted squared error; adds the latter to the sum.
+    /// Factor of the error of a gradient, from the weight and the weighted squared error; keeps the latter.
     #[inline(always)]
     fn factor<S: Simd>(&mut self, s: S, weight: S::F, relative: S::F, lanes: usize) -> S::F {
         let mut squares = [0.0; MAX_LANES];
         s.store(&mut squares, relative);
-        self.sum += squares[..lanes].iter().map(|&v| f64::from(v)).sum::<f64>();
+        self.squares.push(squares[..lanes].iter().map(|&v| f64::from(v)).sum::<f64>());
         let excess = s.mul(relative, s.splat(1.0 / (self.influence * self.influence)));
         s.div(s.mul(weight, s.splat(2.0 * self.scale)), s.sqrt(s.add(s.splat(1.0), excess)))
     }

@@ -67,31 +67,34 @@ impl Windows {
         windows
     }
 
-    /// Windows of the pixels of `region`, as those of the whole picture are there; pixels count from
-    /// the region's first. Small regions on many threads: each is made by one.
-    fn of_region(
-        features: &Image,
-        valid: Option<&Image>,
+    /// Windows of the pixels of `region` of a picture of `size` (height, width), as those of the whole picture are there;
+    /// pixels count from the region's first. `row(channel, y)` gives the picture's rows, channel 13 its mask where `masked`;
+    /// `buffer` is the memory of earlier windows, or empty. For small regions on many threads: each is made by one.
+    ///
+    /// # Panics
+    /// When the region leaves the picture, rows have another width, or the radius exceeds [`MAX_RADIUS`].
+    pub fn of_region<'a>(
+        size: (usize, usize),
+        Region { top, left, height, width }: Region,
+        row: impl Fn(usize, usize) -> &'a [f32],
+        masked: bool,
         set: FeatureSet,
         radius: usize,
-        Region { top, left, height, width }: Region,
         buffer: Vec<f32>,
     ) -> Self {
-        let mut windows = Self::within(buffer, height, width, valid.is_some(), set, radius);
+        let (picture_height, picture_width) = size;
+        let mut windows = Self::within(buffer, height, width, masked, set, radius);
         let (padded_rows, first) = (height + 2 * radius, left as isize - radius as isize);
         // Columns of a padded row that lie inside the picture.
-        let inside = radius.saturating_sub(left)..(features.width() + radius - left).min(windows.stride);
+        let inside = radius.saturating_sub(left)..(picture_width + radius - left).min(windows.stride);
         for (line, padded) in windows.data.chunks_exact_mut(windows.stride).enumerate() {
-            let (c, row) = (line / padded_rows, top + line % padded_rows);
-            let y = mirrored(row as isize - radius as isize, features.height());
-            let source = match valid.filter(|_| c == FEATURE_CHANNELS) {
-                Some(valid) => valid.row(0, y),
-                None => features.row(c, y),
-            };
+            let (c, y) = (line / padded_rows, top + line % padded_rows);
+            let source = row(c, mirrored(y as isize - radius as isize, picture_height));
+            assert_eq!(source.len(), picture_width, "a row of the picture");
             let from = (first + inside.start as isize) as usize;
             padded[inside.clone()].copy_from_slice(&source[from..from + inside.len()]);
             for x in (0..inside.start).chain(inside.end..padded.len()) {
-                padded[x] = source[mirrored(first + x as isize, source.len())];
+                padded[x] = source[mirrored(first + x as isize, picture_width)];
             }
         }
         windows
@@ -253,7 +256,13 @@ impl FeaturePlanes {
     /// The windows of the pixels of `region`; pixels count from the region's first. `buffer` is the
     /// memory of earlier windows, or empty.
     pub fn windows(&self, region: Region, buffer: Vec<f32>) -> Windows {
-        Windows::of_region(&self.features, self.valid.as_deref(), self.set, self.radius, region, buffer)
+        let (features, valid) = (&self.features, self.valid.as_deref());
+        let row = |c: usize, y: usize| match valid.filter(|_| c == FEATURE_CHANNELS) {
+            Some(valid) => valid.row(0, y),
+            None => features.row(c, y),
+        };
+        let size = (features.height(), features.width());
+        Windows::of_region(size, region, row, valid.is_some(), self.set, self.radius, buffer)
     }
 }
 

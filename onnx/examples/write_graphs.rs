@@ -4,7 +4,7 @@
 use sspc_core::rng::Rng;
 use sspc_core::start;
 use sspc_kernels::parameters::Form;
-use sspc_onnx::{Contract, Model, write_image, write_network, write_picture};
+use sspc_onnx::{Contract, Model, write_image, write_network, write_operators, write_picture};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -21,5 +21,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::write(folder.join("network.onnx"), write_network(&model))?;
     std::fs::write(folder.join("image.onnx"), write_image(&model))?;
     std::fs::write(folder.join("picture.onnx"), write_picture(&model))?;
+    std::fs::write(folder.join("operators.onnx"), write_operators(&model))?;
     Ok(())
 }

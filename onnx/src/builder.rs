@@ -41,6 +41,20 @@ impl GraphBuilder {
         output.to_string()
     }
 
+    /// A node with one output of another domain than ONNX's own.
+    pub fn op_of(
+        &mut self,
+        domain: &str,
+        op: &str,
+        inputs: &[&str],
+        output: &str,
+        with: Vec<AttributeProto>,
+    ) -> String {
+        self.node(op, inputs, &[output], with);
+        self.graph.node.last_mut().expect("it was added").domain = Some(domain.into());
+        output.to_string()
+    }
+
     /// A node with any number of outputs.
     pub fn node(&mut self, op: &str, inputs: &[&str], outputs: &[&str], attribute: Vec<AttributeProto>) {
         self.graph.node.push(NodeProto {

@@ -22,5 +22,5 @@ pub use error::{Error, FileError};
 pub use image_graph::write_image;
 pub use model::Model;
 pub use network_graph::write_network;
-pub use picture::write_picture;
+pub use picture::{DOMAIN, DOMAIN_VERSION, POST_CORRECTION, RADIUS_ATTRIBUTE, write_operators, write_picture};
 pub use reader::{GraphKind, MAX_FILE_BYTES, load_model, load_model_and_kind, read_graph_kind, read_model};

@@ -107,14 +107,23 @@ fn convolutions(graph: &mut GraphBuilder, model: &Model, k: usize, features: &st
 
 /// Wraps a graph with versions and the contract's metadata.
 pub(crate) fn encode(model: &Model, graph: GraphProto) -> Vec<u8> {
+    encode_with(model, graph, &[])
+}
+
+/// The same, of a graph with operators of further domains, each with its version.
+pub(crate) fn encode_with(model: &Model, graph: GraphProto, domains: &[(&str, i64)]) -> Vec<u8> {
     ModelProto {
         ir_version: Some(IR_VERSION),
         producer_name: Some("sspc".into()),
         producer_version: Some(env!("CARGO_PKG_VERSION").into()),
         doc_string: Some("Self-supervised post-correction of a denoised Monte Carlo render".into()),
         graph: Some(graph),
-        opset_import: vec![OperatorSetIdProto { domain: Some(String::new()), version: Some(OPSET) }],
+        opset_import: [("", OPSET)].iter().chain(domains).map(operator_set).collect(),
         metadata_props: metadata::write(&model.contract),
     }
     .encode_to_vec()
+}
+
+fn operator_set(&(domain, version): &(&str, i64)) -> OperatorSetIdProto {
+    OperatorSetIdProto { domain: Some(domain.into()), version: Some(version) }
 }

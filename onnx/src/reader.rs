@@ -10,7 +10,7 @@ use crate::messages::{GraphProto, ModelProto, NodeProto, TensorProto, ValueInfoP
 use crate::metadata;
 use crate::model::{Model, layer_name, prefix};
 use crate::network_graph::write_network;
-use crate::picture::{PICTURE_GRAPH, write_picture};
+use crate::picture::{OPERATORS_GRAPH, PICTURE_GRAPH, write_operators, write_picture};
 use prost::Message;
 use sspc_image::shown;
 use std::io::Read;
@@ -33,6 +33,8 @@ pub enum GraphKind {
     Image,
     /// Buffers to the finished picture.
     Picture,
+    /// The same with an operator of our own.
+    Operators,
 }
 
 /// Reads and checks a model file.
@@ -80,6 +82,7 @@ pub fn read_model(bytes: &[u8]) -> Result<Model, Error> {
         GraphKind::Network => write_network(&model),
         GraphKind::Image => write_image(&model),
         GraphKind::Picture => write_picture(&model),
+        GraphKind::Operators => write_operators(&model),
     };
     let expected = ModelProto::decode(&expected[..]).map_err(Error::NotOnnx)?;
     let expected = expected.graph.ok_or(Error::NoGraph)?;
@@ -110,6 +113,7 @@ fn kind(graph: &GraphProto) -> GraphKind {
     match graph.name.as_deref() {
         Some(IMAGE_GRAPH) => GraphKind::Image,
         Some(PICTURE_GRAPH) => GraphKind::Picture,
+        Some(OPERATORS_GRAPH) => GraphKind::Operators,
         _ => GraphKind::Network,
     }
 }

@@ -37,7 +37,8 @@ fn all_graphs_give_the_model_back_to_the_bit() {
             model.contract.exposure = if radius == 9 { Exposure::Normalised } else { Exposure::AsIs };
             let network = (write_network(&model), GraphKind::Network);
             let image = (write_image(&model), GraphKind::Image);
-            for (bytes, kind) in [network, image, (write_picture(&model), GraphKind::Picture)] {
+            let picture = (write_picture(&model), GraphKind::Picture);
+            for (bytes, kind) in [network, image, picture, (write_operators(&model), GraphKind::Operators)] {
                 assert_eq!(read_model(&bytes).unwrap(), model);
                 assert_eq!(read_graph_kind(&bytes).unwrap(), kind);
             }
@@ -57,7 +58,7 @@ fn several(form: Form, networks: usize) -> Model {
 fn several_networks_come_back_in_their_order() {
     for (form, networks) in [(Form::Gated, 2), (Form::Paper, 3), (Form::Gated, MAX_NETWORKS)] {
         let model = several(form, networks);
-        for bytes in [write_network(&model), write_image(&model), write_picture(&model)] {
+        for bytes in [write_network(&model), write_image(&model), write_picture(&model), write_operators(&model)] {
             assert!(bytes.len() as u64 <= MAX_FILE_BYTES, "{} bytes", bytes.len());
             let found = read_model(&bytes).unwrap();
             assert_eq!(found, model);

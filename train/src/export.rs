@@ -4,7 +4,7 @@ use crate::cli::{ExportArgs, Graph};
 use crate::warm_start::read_model;
 use sspc_cli::Failure;
 use sspc_frames::atomic::atomic_write_bytes;
-use sspc_onnx::{write_image, write_network, write_picture};
+use sspc_onnx::{write_image, write_network, write_operators, write_picture};
 
 /// Runs the subcommand.
 ///
@@ -17,6 +17,7 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
         Graph::Network => write_network(&model),
         Graph::Image => write_image(&model),
         Graph::Picture => write_picture(&model),
+        Graph::Operators => write_operators(&model),
     };
     Ok(atomic_write_bytes(&args.output, &[path], &bytes)?)
 }

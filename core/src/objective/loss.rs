@@ -3,11 +3,13 @@
 use super::differences::DifferenceTarget;
 use super::{RELATIVE_FLOOR, Tile, own_weight, relative_weight};
 use crate::prepare::Prepared;
+use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
-use sspc_kernels::gc::{Correction, Given, ParameterPlanes, Taps};
+use sspc_kernels::gc::{Correction, Given, ParameterPlanes, Taps, Upstream};
 use sspc_kernels::loss::{Differences, SelfSupervised};
 use sspc_kernels::parameters::{Form, activate, activate_backward};
+use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::FeaturePlanes;
 use std::sync::Arc;
@@ -117,7 +119,7 @@ impl Objective {
     ) -> f64 {
         let Tile { half, region, mirror } = *tile;
         let HalfObjective { planes, target, weight, differences } = &self.halves[half];
-        let Scratch { parameters, corrected, padded, upstream } = scratch;
+        let Scratch { parts, parameters, corrected, padded, upstream } = scratch;
         parameters.clear();
         parameters.extend_from_slice(outputs);
         mirror.undo(parameters, region.height, region.width);
@@ -125,22 +127,29 @@ impl Objective {
         corrected.resize(3 * region.pixels(), 0.0);
         let view = ParameterPlanes::of_region(self.form, parameters, &region);
         let windows = planes.windows(region, std::mem::take(padded));
-        let mut judge = SelfSupervised { target, weight, region, scale, influence, sum: 0.0 };
+        let judge_of = |region| SelfSupervised { target, weight, region, scale, influence, squares: Vec::new() };
         let pixels = Correction { windows: &windows, taps: &self.taps, region: region.at_origin(), parameters: view };
-        match differences {
-            None => pixels.backward(isa, &mut judge, corrected, gradient),
+        let squares = match differences {
+            None => {
+                let judge_of = |part: Region| {
+                    judge_of(Region { top: region.top + part.top, left: region.left + part.left, ..part })
+                };
+                backward(isa, pixels, *parts, judge_of, corrected, gradient).into_iter().flat_map(|j| j.squares).sum()
+            }
             // A pixel's gradient needs μ̂ of its neighbours: it comes between two passes.
             Some(DifferenceTarget { target, weight }) => {
+                let mut judge = judge_of(region);
                 pixels.forward(isa, corrected);
                 upstream.resize(corrected.len(), 0.0);
                 judge.of_tile(isa, Differences { target, weight }, corrected, upstream);
                 pixels.backward(isa, &mut Given::new(upstream, region.at_origin()), corrected, gradient);
+                judge.squares.iter().sum::<f64>()
             }
-        }
+        };
         *padded = windows.into_data();
         mirror.apply(gradient, region.height, region.width);
         activate_backward(isa, self.form, outputs, gradient);
-        judge.sum * f64::from(scale)
+        squares * f64::from(scale)
     }
 }
 
@@ -153,12 +162,63 @@ pub struct PixelLoss {
     pub influence: f32,
 }
 
+/// g_c of a tile and its gradient, in parts at once where there are to be several; what they were judged by, in their order.
+fn backward<U: Upstream + Send>(
+    isa: Isa,
+    tile: Correction,
+    parts: usize,
+    judge_of: impl Fn(Region) -> U + Sync,
+    corrected: &mut [f32],
+    gradient: &mut [f32],
+) -> Vec<U> {
+    if parts <= 1 {
+        let mut judge = judge_of(tile.region);
+        tile.backward(isa, &mut judge, corrected, gradient);
+        return vec![judge];
+    }
+    let of_part = |part: Correction| {
+        let (pixels, mut judge) = (part.region.pixels(), judge_of(part.region));
+        let mut corrected = vec![0.0; 3 * pixels];
+        let mut gradient = vec![0.0; part.parameters.form.parameters() * pixels];
+        part.backward(isa, &mut judge, &mut corrected, &mut gradient);
+        (part.region, corrected, gradient, judge)
+    };
+    let done: Vec<_> = tile.in_parts(parts).into_par_iter().map(of_part).collect();
+    let put = |part: (Region, Vec<f32>, Vec<f32>, U)| {
+        let (region, of_part, gradient_of_part, judge) = part;
+        put_part(tile.region, region, &of_part, corrected);
+        put_part(tile.region, region, &gradient_of_part, gradient);
+        judge
+    };
+    done.into_iter().map(put).collect()
+}
+
+/// Puts planes of a part of a tile into the tile's.
+fn put_part(tile: Region, part: Region, from: &[f32], to: &mut [f32]) {
+    let planes = from.chunks_exact(part.pixels()).zip(to.chunks_exact_mut(tile.pixels()));
+    for (from, to) in planes {
+        for (y, row) in from.chunks_exact(part.width).enumerate() {
+            let at = (part.top - tile.top + y) * tile.width + part.left - tile.left;
+            to[at..at + part.width].copy_from_slice(row);
+        }
+    }
+}
+
 /// Memory of [`Objective::loss`], used again by the next tile: activated parameters, corrected radiance, the
 /// tile's padded features, and the gradient by μ̂ where differences are compared.
 #[derive(Debug, Default)]
 pub struct Scratch {
+    /// In how many parts g_c of a tile is computed at once.
+    pub(super) parts: usize,
     parameters: Vec<f32>,
     corrected: Vec<f32>,
     padded: Vec<f32>,
     upstream: Vec<f32>,
+}
+
+impl Scratch {
+    /// The same for tiles whose g_c is computed in some parts at once.
+    pub fn in_parts(parts: usize) -> Self {
+        Self { parts, ..Self::default() }
+    }
 }

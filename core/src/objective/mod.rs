@@ -18,7 +18,7 @@ mod weight;
 
 pub use differences::DifferenceTarget;
 pub use loss::{HalfObjective, Objective, PixelLoss, Scratch};
-pub use step::{Step, Workspaces};
+pub use step::{Step, Workspaces, parts_of_tile};
 pub use tile::{Mirror, Tile};
 pub use weight::{own_weight, relative_weight, triple, weight_of};
 

@@ -1,15 +1,25 @@
 //! One training step: the loss of some tiles and its gradient by the network's weights.
 //!
 //! Each tile goes through the network, g_c, the loss and all the way back on one thread while its
-//! planes are in that core's cache; threads meet once a step, when the tiles' gradients are summed.
+//! planes are in that core's cache; threads meet once a step, when the tiles' gradients are summed. Where more threads can
+//! run at once than a step has tiles, each tile is computed in parts; the values are the same to the bit.
 
 use super::loss::{Objective, PixelLoss, Scratch};
 use super::tile::Tile;
+use crate::threads::at_once;
 use rayon::prelude::*;
 use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes, sum_in_order};
 use sspc_kernels::simd::Isa;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
+
+/// Most parts of a tile: of 48 rows each has six. Fewer rows cost more per pixel, eight of them a fifth more than 48.
+const MOST_PARTS: usize = 8;
+
+/// In how many parts each of some tiles is computed at once, where so many threads can run.
+pub fn parts_of_tile(tiles: usize, threads: usize) -> usize {
+    threads.div_ceil(tiles.max(1)).clamp(1, MOST_PARTS)
+}
 
 /// What a step is computed with.
 pub struct Step<'a> {
@@ -75,13 +85,28 @@ impl Step<'_> {
     /// # Panics
     /// When the weights are not those of the shape, or the shape's outputs not those of the form.
     pub fn run(&self, weights: &[f32], tiles: &[Tile], workspaces: &Workspaces) -> (f64, Vec<f32>) {
+        self.run_in_parts(weights, tiles, workspaces, parts_of_tile(tiles.len(), at_once()))
+    }
+
+    /// The same with each tile in `parts` parts at once: the same values for any number of them.
+    ///
+    /// # Panics
+    /// As [`Self::run`].
+    pub fn run_in_parts(
+        &self,
+        weights: &[f32],
+        tiles: &[Tile],
+        workspaces: &Workspaces,
+        parts: usize,
+    ) -> (f64, Vec<f32>) {
         assert_eq!(self.shape.outputs, self.objective.form.parameters(), "outputs of the form");
-        let network = PackedNetwork::new(self.isa, self.shape, weights);
+        let network = PackedNetwork::new(self.isa, self.shape, weights).in_parts(parts);
         let pixels: usize = tiles.iter().map(|t| t.region.pixels()).sum();
         let scale = 1.0 / (3 * pixels.max(1)) as f32;
         let of_tile = |tile: &Tile| {
             let mut workspace = workspaces.take((tile.region.height, tile.region.width, self.shape));
             let mut gradient = vec![0.0; weights.len()];
+            workspace.scratch.parts = parts;
             let loss = self.tile(&network, tile, scale, &mut workspace, &mut gradient);
             workspaces.give_back(workspace);
             (loss, gradient)

@@ -1,4 +1,4 @@
-//! The picture graph in onnxruntime against our own programs. Needs the virtual environment of the PyTorch reference,
+//! The picture graph in onnxruntime against our own programs, in standard operators and with our own. Needs the virtual environment of the PyTorch reference,
 //! whose interpreter `SSPC_PYTHON_VENV` names; without it the tests say aloud that they are skipped.
 
 mod made;
@@ -14,7 +14,7 @@ use sspc_image::{DenoisedVariant, Frame, HalfBuffer, Image};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::simd::Isa;
-use sspc_onnx::{Model, load_model, write_image, write_picture};
+use sspc_onnx::{Model, load_model, write_image, write_operators, write_picture};
 use sspc_testkit::case::Array;
 use sspc_testkit::closeness::{Relative, assert_images_close, compare};
 use sspc_testkit::frames::{read_frame, sample_folder, whole_sample};
@@ -61,6 +61,7 @@ impl Case {
     fn write(&self, folder: &Path) {
         std::fs::create_dir(folder).expect("folder");
         std::fs::write(folder.join("picture.onnx"), write_picture(&self.model)).expect("model");
+        std::fs::write(folder.join("operators.onnx"), write_operators(&self.model)).expect("model");
         let Frame { a, b, variants, .. } = &self.frame;
         let (height, width) = (self.frame.height(), self.frame.width());
         let mut shapes = serde_json::Map::new();
@@ -107,15 +108,27 @@ struct Theirs {
     fallback: i64,
 }
 
-fn in_onnxruntime(python: &Path, cases: &[Case]) -> Vec<Theirs> {
+/// The operator library: it lies beside the tests of the crates that depend on it.
+fn library() -> PathBuf {
+    let test = std::env::current_exe().expect("a path");
+    let name = format!("{}sspc_operators{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    test.parent().expect("a folder").join(name)
+}
+
+/// Both graphs.
+const GRAPHS: [&str; 2] = ["picture", "operators"];
+
+fn in_onnxruntime(python: &Path, graph: &str, cases: &[Case]) -> Vec<Theirs> {
     let folder = tempfile::tempdir().expect("folder");
     let of = |case: &Case| folder.path().join(case.name.replace([' ', ','], "-"));
     cases.iter().for_each(|case| case.write(&of(case)));
     let folders: Vec<PathBuf> = cases.iter().map(of).collect();
     std::fs::write(folder.path().join("cases.json"), serde_json::json!(folders).to_string()).expect("cases");
     let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/picture_graph/run_picture.py");
-    let output = Command::new(python).current_dir(folder.path()).arg(script).output().expect("python runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut command = Command::new(python);
+    command.current_dir(folder.path()).arg(script).arg(graph).args((graph == "operators").then(library));
+    let output = command.output().expect("python runs");
+    assert!(output.status.success(), "{graph}: {}", String::from_utf8_lossy(&output.stderr));
     let read = |case: &Case, name: &str, channels: usize| {
         let bytes = std::fs::read(of(case).join(name)).expect("array");
         let values = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
@@ -189,12 +202,14 @@ fn onnxruntime_gives_our_picture_of_made_up_frames() {
         Case { strength: 0.0, ..Case::new("no strength", wide.clone(), gated(6)) },
         Case::new("the paper's form", wide, model_of(Form::Paper, 5, 0.0)),
     ];
-    let theirs = in_onnxruntime(&python, &cases);
-    let ours: Vec<Corrected> = cases.iter().zip(&theirs).map(|(case, theirs)| check(case, theirs)).collect();
-    // Else the cases would show little of the blend.
-    assert!((0.05..0.95).contains(&ours[0].mean_share), "{}", ours[0].mean_share);
-    let fallbacks = |why: i64| theirs.iter().filter(|theirs| theirs.fallback == why).count();
-    assert!([0, 1, 2].map(fallbacks).iter().all(|&count| count > 0), "{:?}", [0, 1, 2].map(fallbacks));
+    for graph in GRAPHS {
+        let theirs = in_onnxruntime(&python, graph, &cases);
+        let ours: Vec<Corrected> = cases.iter().zip(&theirs).map(|(case, theirs)| check(case, theirs)).collect();
+        // Else the cases would show little of the blend.
+        assert!((0.05..0.95).contains(&ours[0].mean_share), "{}", ours[0].mean_share);
+        let fallbacks = |why: i64| theirs.iter().filter(|theirs| theirs.fallback == why).count();
+        assert!([0, 1, 2].map(fallbacks).iter().all(|&count| count > 0), "{:?}", [0, 1, 2].map(fallbacks));
+    }
 }
 
 /// What the mean of halves, no limit, another share or a mistaken exposure would give is told apart.
@@ -241,8 +256,10 @@ fn onnxruntime_gives_our_picture_of_several_networks_and_of_shots() {
         Case::new("a shot", with(vec![variant(other.clone(), full.clone())]), of_shots),
         Case::new("several networks of a shot", with(pair()), several_of_shots),
     ];
-    let theirs = in_onnxruntime(&python, &cases);
-    cases.iter().zip(&theirs).for_each(|(case, theirs)| drop(check(case, theirs)));
+    for graph in GRAPHS {
+        let theirs = in_onnxruntime(&python, graph, &cases);
+        cases.iter().zip(&theirs).for_each(|(case, theirs)| drop(check(case, theirs)));
+    }
 }
 
 /// With a fitted model, whose parameters vary over the picture; the program's file is in half floats.
@@ -251,23 +268,62 @@ fn onnxruntime_gives_what_sspc_infer_run_writes_of_the_sample() {
     let Some(python) = python(WHAT) else { return };
     let model = load_model(&golden::folder().join("gated.onnx")).expect("the fitted model");
     let case = Case::new("the sample", whole_sample(), model);
-    let theirs = in_onnxruntime(&python, std::slice::from_ref(&case)).remove(0);
-    let ours = check(&case, &theirs);
-    assert!(ours.verdict.fallback.is_none() && ours.mean_share > 0.05, "nothing to see: {}", ours.mean_share);
-
     let folder = tempfile::tempdir().expect("folder");
-    let graph = folder.path().join("picture.onnx");
-    std::fs::write(&graph, write_picture(&case.model)).expect("model");
-    let written = folder.path().join("out.exr");
     let sample = |name: &str| sample_folder().join(name);
-    let mut run = Command::new(env!("CARGO_BIN_EXE_sspc-infer"));
-    run.arg("run").args([sample("a.exr"), sample("b.exr")]).arg("--denoised").arg(sample("denoised.exr"));
-    let output = run.arg("--model").arg(&graph).args(["--quiet", "-o"]).arg(&written).output().expect("the program");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    // The picture stands in the place of half a's radiance.
-    let files = FrameFiles::halves(written, sample("b.exr"));
-    let read = read_frame(&files, &RoleOverrides::none()).expect("the picture").frame.a.radiance;
-    assert_images_close(&theirs.picture, &read, FILE_TOLERANCE, "what the program wrote");
+    for (name, bytes) in [("picture", write_picture(&case.model)), ("operators", write_operators(&case.model))] {
+        let theirs = in_onnxruntime(&python, name, std::slice::from_ref(&case)).remove(0);
+        let ours = check(&case, &theirs);
+        assert!(ours.verdict.fallback.is_none() && ours.mean_share > 0.05, "nothing to see: {}", ours.mean_share);
+
+        let graph = folder.path().join("graph.onnx");
+        std::fs::write(&graph, bytes).expect("model");
+        let written = folder.path().join(format!("{name}.exr"));
+        let mut run = Command::new(env!("CARGO_BIN_EXE_sspc-infer"));
+        run.arg("run").args([sample("a.exr"), sample("b.exr")]).arg("--denoised").arg(sample("denoised.exr"));
+        let output =
+            run.arg("--model").arg(&graph).args(["--quiet", "-o"]).arg(&written).output().expect("the program");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        // The picture stands in the place of half a's radiance.
+        let files = FrameFiles::halves(written, sample("b.exr"));
+        let read = read_frame(&files, &RoleOverrides::none()).expect("the picture").frame.a.radiance;
+        assert_images_close(&theirs.picture, &read, FILE_TOLERANCE, "what the program wrote");
+    }
+}
+
+/// Each line of refused.py says what it broke and what onnxruntime answered; its last ones are of odd values that are none.
+#[test]
+fn onnxruntime_refuses_in_words_what_does_not_fit() {
+    let Some(python) = python(WHAT) else { return };
+    let folder = tempfile::tempdir().expect("folder");
+    std::fs::write(folder.path().join("operators.onnx"), write_operators(&gated(9))).expect("model");
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/picture_graph/refused.py");
+    let mut command = Command::new(python);
+    let other = library().with_file_name(format!("no{}", std::env::consts::DLL_SUFFIX));
+    command.current_dir(folder.path()).arg(script).arg(library()).arg(other);
+    let output = command.output().expect("python runs");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    for (what, words) in [
+        ("no library", "sspc:PostCorrection(-1) is not a registered function/op"),
+        ("a library that is not there", "no.so"),
+        ("radius 13", "sspc: window_radius: expected 1 to 12, found 13"),
+        ("no radius", "sspc: window_radius: "),
+        ("instruction set", "sspc: SSPC_ISA: expected "),
+        ("features", "sspc: features: expected [N, 13, H, W], found [1, 12, 4, 5]"),
+        ("rank", "sspc: features: expected [N, 13, H, W], found [13, 4, 5]"),
+        (
+            "parameters",
+            "sspc: parameters: expected [N, 15 or 16, H, W], found [1, 14, 4, 5] for features [1, 13, 4, 5]",
+        ),
+        ("valid", "sspc: valid: expected [1, 1, H, W], found [1, 1, 5, 4] for features [1, 13, 4, 5]"),
+        ("doubles", "tensor(double)"),
+    ] {
+        let line = said.lines().find(|line| line.starts_with(&format!("{what}: "))).unwrap_or_default();
+        assert!(line.contains(words), "{what}: expected {words:?}, found {line:?} in\n{said}");
+    }
+    for line in ["empty: (2, 3, 0, 5)", "NaN: kept z", "threads: the same"] {
+        assert!(said.contains(line), "{line}: {said}");
+    }
 }
 
 /// The model is another than that of the image graph's lines: its exposure rule is the one that `fit` writes.
@@ -277,7 +333,7 @@ fn the_readmes_python_gives_our_picture_of_the_sample() {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     let readme = std::fs::read_to_string(root.join("onnx/README.md")).expect("README");
     let code: Vec<&str> = readme.split("```python\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    let [first, _, third] = code[..] else { panic!("{} pieces of Python in the README", code.len()) };
+    let [first, _, third, operators] = code[..] else { panic!("{} pieces of Python in the README", code.len()) };
 
     let mut model = gated(9);
     model.contract.exposure = Exposure::OfNoise;
@@ -287,8 +343,12 @@ fn the_readmes_python_gives_our_picture_of_the_sample() {
     }
     std::fs::write(folder.path().join("image.onnx"), write_image(&model)).expect("model");
     std::fs::write(folder.path().join("picture.onnx"), write_picture(&model)).expect("model");
+    std::fs::write(folder.path().join("operators.onnx"), write_operators(&model)).expect("model");
+    std::fs::copy(library(), folder.path().join("libsspc_operators.so")).expect("the library");
     let script = folder.path().join("run.py");
-    std::fs::write(&script, format!("{first}\n{third}\npicture.tofile('picture.f32')\n")).expect("script");
+    let same = "assert np.allclose(picture.ravel(), np.fromfile('picture.f32', np.float32), rtol=3e-4, atol=3e-5)";
+    let lines = format!("{first}\n{third}\npicture.tofile('picture.f32')\n{operators}\n{same}\n");
+    std::fs::write(&script, lines).expect("script");
     let output = Command::new(python).current_dir(folder.path()).arg(&script).output().expect("python runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 

@@ -21,8 +21,10 @@ mod vector;
 pub use given::Given;
 pub use kernel::{NoUpstream, Upstream};
 pub use parameter_planes::ParameterPlanes;
+pub use strip::STRIP;
 pub use taps::Taps;
 
+use crate::parts::in_parts;
 use crate::region::Region;
 use crate::simd::{Isa, dispatch};
 use crate::windows::{PaddedPlanes, Windows};
@@ -82,6 +84,24 @@ impl Correction<'_> {
         let Self { region, parameters, .. } = self;
         assert_eq!(gradient.len(), parameters.form.parameters() * region.pixels(), "gradient of the region");
         self.run(isa, upstream, out, gradient);
+    }
+
+    /// The region in at least `parts` parts, where it has as many rows: in the order in which it is computed as a whole.
+    /// Strips cost nothing, and each part of a strip the rows around it ([`kernel`]).
+    pub fn in_parts(self, parts: usize) -> Vec<Self> {
+        let Self { region, parameters, .. } = self;
+        let strips = region.width.div_ceil(strip::STRIP).max(1);
+        let rows = in_parts(region.height, parts.div_ceil(strips));
+        let lefts = (0..region.width).step_by(strip::STRIP);
+        let places = lefts.flat_map(|left| rows.iter().map(move |rows| (left, rows.clone())));
+        let of_part = |(left, rows): (usize, std::ops::Range<usize>)| {
+            let width = strip::STRIP.min(region.width - left);
+            let (top, height) = (region.top + rows.start, rows.len());
+            let start = parameters.start + rows.start * parameters.row + left;
+            let region = Region { top, left: region.left + left, height, width };
+            Self { region, parameters: ParameterPlanes { start, ..parameters }, ..self }
+        };
+        places.map(of_part).collect()
     }
 
     fn run<U: Upstream>(self, isa: Isa, upstream: &mut U, out: &mut [f32], gradient: &mut [f32]) {

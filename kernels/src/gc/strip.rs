@@ -9,8 +9,8 @@ use crate::region::Region;
 use crate::simd::{MAX_LANES, Simd};
 use crate::windows::Windows;
 
-/// Widest strip: rows, sums and logarithms of a pair of rows fit the first cache together.
-pub(super) const STRIP: usize = 64;
+/// Widest strip of a picture, pixels, which is computed by itself: rows, sums and logarithms of a pair of rows fit the first cache together.
+pub const STRIP: usize = 64;
 /// Where the strip's first column lies in a copied plane: on a cache line.
 pub(super) const LEFT: usize = MAX_RADIUS.next_multiple_of(MAX_LANES);
 /// Floats from one plane of a copied row to the next.

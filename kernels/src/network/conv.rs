@@ -4,9 +4,12 @@
 //! Rows are vectorised; a block of output channels and two row vectors stay in registers, so each
 //! weight is broadcast once for two multiply-adds and each input vector is loaded once for a block.
 
-use super::planes::Planes;
+use super::planes::{Band, Planes};
 use super::{KERNEL, MAX_CHANNELS};
+use crate::parts::in_parts;
 use crate::simd::{Isa, Kernel, MAX_LANES, Simd, dispatch};
+use rayon::prelude::*;
+use std::ops::Range;
 
 pub(super) const TAPS: usize = KERNEL * KERNEL;
 
@@ -63,21 +66,23 @@ pub(super) enum Finish<'a> {
     MaskedBy(&'a Planes),
 }
 
-/// `output = finish(conv(input) + bias)`, all sixteen output planes.
-pub(super) fn convolve(isa: Isa, input: &Planes, packed: &Packed, finish: Finish, output: &mut Planes) {
+/// `output = finish(conv(input) + bias)`, all sixteen output planes, rows in as many parts at once as are asked for.
+pub(super) fn convolve(isa: Isa, input: &Planes, packed: &Packed, finish: Finish, output: &mut Planes, parts: usize) {
     assert_eq!(input.geometry, output.geometry, "planes of one geometry");
     assert!(input.channels >= packed.inputs && output.channels == MAX_CHANNELS, "planes of the layer");
     if let Finish::MaskedBy(mask) = finish {
         assert!(mask.geometry == output.geometry && mask.channels == MAX_CHANNELS, "mask of the layer");
     }
-    dispatch(isa, Convolve { input, packed, finish, output });
+    let bands = output.bands(parts);
+    let of_band = |output| dispatch(isa, Convolve { input, packed, finish, output });
+    if parts > 1 { bands.into_par_iter().for_each(of_band) } else { bands.into_iter().for_each(of_band) }
 }
 
 struct Convolve<'a> {
     input: &'a Planes,
     packed: &'a Packed,
     finish: Finish<'a>,
-    output: &'a mut Planes,
+    output: Band<'a>,
 }
 
 impl Kernel for Convolve<'_> {
@@ -96,7 +101,7 @@ impl Kernel for Convolve<'_> {
 #[inline(always)]
 fn convolve_rows<S: Simd, const OUTPUTS: usize>(s: S, work: &mut Convolve) {
     let g = work.input.geometry;
-    for y in 0..g.height {
+    for y in work.output.rows.clone() {
         let mut x = 0;
         while x < g.width {
             if x + S::LANES < g.width {
@@ -108,8 +113,9 @@ fn convolve_rows<S: Simd, const OUTPUTS: usize>(s: S, work: &mut Convolve) {
             }
         }
         // Whole vectors were stored; what lies outside the picture must stay zero.
-        for channel in work.output.data.chunks_exact_mut(g.plane()) {
-            channel[g.row(y) + g.width..g.row(y) + x].fill(0.0);
+        let at = work.output.row(g, y);
+        for channel in &mut work.output.channels {
+            channel[at + g.width..at + x].fill(0.0);
         }
     }
 }
@@ -123,14 +129,15 @@ fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: 
     let at = g.row(y) + x;
     let starts = [at - g.stride - 1, at - 1, at + g.stride - 1];
     let rows = InputRows { data: &input.data, starts, pitch: plane };
+    let to = output.row(g, y) + x;
     for block in 0..MAX_CHANNELS / OUTPUTS {
         let sums = sums_of_block::<S, OUTPUTS, VECTORS>(s, packed, block, &rows);
         let first = block * OUTPUTS * plane + at;
-        let output = &mut output.data[first..];
+        let channels = &mut output.channels[block * OUTPUTS..][..OUTPUTS];
         // Loops so short that they are unrolled: otherwise the sums would live in memory all along.
         match finish {
-            Finish::Linear => store_block(s, output, plane, sums),
-            Finish::Relu => store_block(s, output, plane, at_least(s, s.zero(), sums)),
+            Finish::Linear => store_channels(s, channels, to, sums),
+            Finish::Relu => store_channels(s, channels, to, at_least(s, s.zero(), sums)),
             Finish::MaskedBy(mask) => {
                 let mut masked = sums;
                 for (o, sum) in masked.iter_mut().enumerate() {
@@ -138,7 +145,7 @@ fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: 
                         *v = s.where_positive(s.load(&mask.data[first + o * plane + k * S::LANES..]), *v);
                     }
                 }
-                store_block(s, output, plane, masked);
+                store_channels(s, channels, to, masked);
             }
         }
     }
@@ -169,6 +176,22 @@ pub(super) fn store_block<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
 ) {
     for (o, values) in values.into_iter().enumerate() {
         let to = &mut output[o * plane..][..VECTORS * S::LANES];
+        for (k, v) in values.into_iter().enumerate() {
+            s.store(&mut to[k * S::LANES..], v);
+        }
+    }
+}
+
+/// The same to channels that lie apart.
+#[inline(always)]
+fn store_channels<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(
+    s: S,
+    channels: &mut [&mut [f32]],
+    at: usize,
+    values: [[S::F; VECTORS]; OUTPUTS],
+) {
+    for (channel, values) in channels.iter_mut().zip(values) {
+        let to = &mut channel[at..][..VECTORS * S::LANES];
         for (k, v) in values.into_iter().enumerate() {
             s.store(&mut to[k * S::LANES..], v);
         }
@@ -224,7 +247,7 @@ pub(super) fn sums_of_block<S: Simd, const OUTPUTS: usize, const VECTORS: usize>
 }
 
 /// Adds the gradient of one layer's kernel and bias to `gradient` (`[outputs][inputs][3][3]`, then
-/// `[outputs]`), given the layer's input and the gradient of its output.
+/// `[outputs]`), given the layer's input and the gradient of its output; inputs in as many parts at once as are asked for.
 pub(super) fn weight_gradient(
     isa: Isa,
     input: &Planes,
@@ -232,16 +255,34 @@ pub(super) fn weight_gradient(
     upstream: &Planes,
     outputs: usize,
     gradient: &mut [f32],
+    parts: usize,
 ) {
     assert_eq!(input.geometry, upstream.geometry, "planes of one geometry");
     assert_eq!(gradient.len(), outputs * (inputs * TAPS + 1), "gradient of the layer");
     assert!(input.channels >= inputs && upstream.channels == MAX_CHANNELS, "planes of the layer");
-    dispatch(isa, WeightGradient { input, inputs, upstream, outputs, gradient });
+    let of = |range, gradient: &mut [f32]| {
+        dispatch(isa, WeightGradient { input, inputs, range, upstream, outputs, gradient });
+    };
+    if parts <= 1 {
+        return of(0..inputs, gradient);
+    }
+    // Each weight belongs to one part; elsewhere a part adds zeros.
+    let of_part = |range| {
+        let mut own = vec![0.0; gradient.len()];
+        of(range, &mut own);
+        own
+    };
+    let of_parts: Vec<Vec<f32>> = in_parts(inputs, parts).into_par_iter().map(of_part).collect();
+    for own in of_parts {
+        gradient.iter_mut().zip(own).for_each(|(sum, value)| *sum += value);
+    }
 }
 
 struct WeightGradient<'a> {
     input: &'a Planes,
     inputs: usize,
+    /// The inputs whose weights are at hand; the bias comes with the first.
+    range: Range<usize>,
     upstream: &'a Planes,
     outputs: usize,
     gradient: &'a mut [f32],
@@ -257,14 +298,16 @@ impl Kernel for WeightGradient<'_> {
         } else {
             gradient_blocks::<S, 4>(s, &mut self);
         }
-        bias_gradient(s, &mut self);
+        if self.range.start == 0 {
+            bias_gradient(s, &mut self);
+        }
     }
 }
 
 #[inline(always)]
 fn gradient_blocks<S: Simd, const OUTPUTS: usize>(s: S, work: &mut WeightGradient) {
     for first in (0..work.outputs).step_by(OUTPUTS) {
-        for i in 0..work.inputs {
+        for i in work.range.clone() {
             for row in 0..KERNEL {
                 let sums = gradient_sums::<S, OUTPUTS>(s, work, first, i, row);
                 // Stored before they are summed: see `convolve_at`.

@@ -1,7 +1,10 @@
 //! Planes with a border of zeros, so that a 3x3 convolution needs no special case at the edge.
 
+use super::MAX_CHANNELS;
 use crate::aligned::Aligned;
+use crate::parts::in_parts;
 use crate::simd::MAX_LANES;
+use std::ops::Range;
 
 /// Zeros to the left of every row; the vector loads at x - 1 land here.
 const LEFT: usize = 8;
@@ -63,5 +66,43 @@ impl Planes {
             let start = c * self.geometry.plane() + self.geometry.row(y);
             target.copy_from_slice(&self.data[start..start + width]);
         }
+    }
+}
+
+/// Some rows of all sixteen planes, to be written.
+pub(super) struct Band<'a> {
+    /// The rows.
+    pub rows: Range<usize>,
+    /// Each plane from the beginning of the first row to the end of the last, zeros at their sides included.
+    pub channels: [&'a mut [f32]; MAX_CHANNELS],
+}
+
+impl Band<'_> {
+    /// Where pixel (y, 0) lies in a channel.
+    #[inline(always)]
+    pub fn row(&self, geometry: Geometry, y: usize) -> usize {
+        (y - self.rows.start) * geometry.stride + LEFT
+    }
+}
+
+impl Planes {
+    /// The rows of sixteen planes in at most `parts` bands.
+    pub fn bands(&mut self, parts: usize) -> Vec<Band<'_>> {
+        let g = self.geometry;
+        let ranges = in_parts(g.height, parts);
+        let mut bands: Vec<Band> = ranges
+            .into_iter()
+            .map(|rows| Band { rows, channels: std::array::from_fn(|_| Default::default()) })
+            .collect();
+        for (c, plane) in self.data.chunks_exact_mut(g.plane()).enumerate().take(MAX_CHANNELS) {
+            // Without the row of zeros above.
+            let mut rest = &mut plane[g.stride..];
+            for band in &mut bands {
+                let (own, below) = rest.split_at_mut(band.rows.len() * g.stride);
+                band.channels[c] = own;
+                rest = below;
+            }
+        }
+        bands
     }
 }

@@ -10,6 +10,8 @@ use crate::simd::Isa;
 pub struct PackedNetwork {
     isa: Isa,
     shape: Shape,
+    /// In how many parts a layer is computed at once.
+    parts: usize,
     forward: Vec<Packed>,
     /// Turned and transposed, of every layer but the first.
     transposed: Vec<Packed>,
@@ -58,9 +60,15 @@ impl PackedNetwork {
         Self {
             isa,
             shape,
+            parts: 1,
             forward: (0..shape.layers).map(forward).collect(),
             transposed: (1..shape.layers).map(transposed).collect(),
         }
+    }
+
+    /// The same, each layer in some parts at once on rayon's threads; the values are the same.
+    pub fn in_parts(self, parts: usize) -> Self {
+        Self { parts, ..self }
     }
 
     /// Network outputs before activation, `[outputs, h, w]`, of features `[13, h, w]`; `tile` keeps
@@ -70,7 +78,7 @@ impl PackedNetwork {
         for (l, packed) in self.forward.iter().enumerate() {
             let (before, after) = tile.0.split_at_mut(l + 1);
             let finish = if l + 1 == self.shape.layers { Finish::Linear } else { Finish::Relu };
-            convolve(self.isa, &before[l], packed, finish, &mut after[0]);
+            convolve(self.isa, &before[l], packed, finish, &mut after[0], self.parts);
         }
         tile.0[self.shape.layers].copy_to(outputs);
     }
@@ -84,9 +92,10 @@ impl PackedNetwork {
             let (inputs, outputs) = self.shape.channels(l);
             let start = self.shape.layer_start(l);
             let slot = &mut gradient[start..start + self.shape.layer_len(l)];
-            weight_gradient(self.isa, &tile.0[l], inputs, current, outputs, slot);
+            let (isa, parts) = (self.isa, self.parts);
+            weight_gradient(isa, &tile.0[l], inputs, current, outputs, slot, parts);
             if l > 0 {
-                convolve(self.isa, current, &self.transposed[l - 1], Finish::MaskedBy(&tile.0[l]), next);
+                convolve(isa, current, &self.transposed[l - 1], Finish::MaskedBy(&tile.0[l]), next, parts);
                 std::mem::swap(current, next);
             }
         }

@@ -1,4 +1,6 @@
 //! Both halves corrected by one network, with their own guides and with those of the full buffer.
+//!
+//! g_c is made of standard operators, or of our own ([`Engine`]).
 
 use super::ops::Ops;
 use super::prepare::{Named, denoised_of};
@@ -16,20 +18,68 @@ use sspc_kernels::parameters::Form;
 pub(super) const HALVES: &str = "halves";
 pub(super) const FULL: &str = "full";
 
+/// Domain, version and name of our own operator, which `sspc-onnx-extension` adds to onnxruntime: g_c (Eqs. 10, 11) of
+/// features `[N, 13, H, W]`, activated parameters `[N, P, H, W]` and the mask of valid pixels `[1, 1, H, W]`, in a window
+/// of an attribute's radius; `[N, 3, H, W]`, z where it is not finite.
+pub const DOMAIN: &str = "sspc";
+/// See [`DOMAIN`].
+pub const DOMAIN_VERSION: i64 = 1;
+/// See [`DOMAIN`].
+pub const POST_CORRECTION: &str = "PostCorrection";
+/// See [`DOMAIN`].
+pub const RADIUS_ATTRIBUTE: &str = "window_radius";
+
 /// The values that network `k` takes from the graph around it.
 pub(super) fn shared(k: usize) -> Vec<String> {
     let [own, full] = denoised_of(k);
     Named::ALL.into_iter().chain([ONES, BIAS]).map(String::from).chain([own, full]).collect()
 }
 
+/// What g_c is computed by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Engine {
+    /// Standard operators.
+    Standard,
+    /// [`POST_CORRECTION`].
+    Operator,
+}
+
 /// The graph of network `k`: from the values of [`shared`] to [`HALVES`] and [`FULL`].
-pub(super) fn of_network(model: &Model, k: usize) -> GraphProto {
+pub(super) fn of_network(model: &Model, k: usize, engine: Engine) -> GraphProto {
     let mut g = Ops::new("network", "net_");
-    let gated = model.contract.form == Form::Gated;
-    let radius = model.contract.window_radius as i64;
     let [own_z, full_z] = denoised_of(k);
     let features = g.concat(&[Named::Y, Named::RHO, Named::V, Named::N, &own_z], 1);
     let parts = activated_parts(&mut g.graph, model, k, &features);
+    match engine {
+        Engine::Standard => standard(&mut g, model, &features, &full_z, &parts),
+        Engine::Operator => by_operator(&mut g, model, &features, &full_z, &parts),
+    }
+    g.finish()
+}
+
+/// [`HALVES`] and [`FULL`] by our own operator.
+fn by_operator(g: &mut Ops, model: &Model, features: &str, full_z: &str, parts: &[String]) {
+    let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+    let parameters = g.concat(&parts, 1);
+    let radius = vec![int(RADIUS_ATTRIBUTE, model.contract.window_radius as i64)];
+    let corrected = |g: &mut Ops, features: &str, output: &str| {
+        let inputs = [features, &parameters, Named::VALID];
+        g.graph.op_of(DOMAIN, POST_CORRECTION, &inputs, output, radius.clone())
+    };
+    corrected(g, features, HALVES);
+    if model.contract.composition == Composition::JudgedFullBuffer {
+        let full = g.concat(&[Named::FULL_RHO, Named::FULL_V, Named::FULL_N, full_z], 1);
+        let full = g.concat(&[&full, &full], 0);
+        let of_full = g.concat(&[Named::Y, &full], 1);
+        let both = corrected(g, &of_full, "full_halves");
+        g.graph.op_with("ReduceMean", &[&both], FULL, vec![ints("axes", &[0]), int("keepdims", 1)]);
+    }
+}
+
+/// [`HALVES`] and [`FULL`] in standard operators.
+fn standard(g: &mut Ops, model: &Model, features: &str, full_z: &str, parts: &[String]) {
+    let gated = model.contract.form == Form::Gated;
+    let radius = model.contract.window_radius as i64;
     let (height, width) = (g.size(Named::Y, 2), g.size(Named::Y, 3));
     let padded = [g.round_up(&height, CHUNK_ROWS), g.round_up(&width, TILE)];
     let parts: Vec<String> = parts.iter().map(|part| g.pad_to(part, &padded[0], &padded[1])).collect();
@@ -38,28 +88,28 @@ pub(super) fn of_network(model: &Model, k: usize) -> GraphProto {
     let missing = g.add_to(Named::VALID, -1.0);
     let penalty = g.times(&missing, -NEVER);
     let both = g.concat(&[&penalty, &penalty], 0);
-    let mut of_guides = vec![g.concat(&[&features, &both], 1)];
+    let mut of_guides = vec![g.concat(&[features, &both], 1)];
     if model.contract.composition == Composition::JudgedFullBuffer {
-        let full = g.concat(&[Named::FULL_RHO, Named::FULL_V, Named::FULL_N, &full_z, &penalty], 1);
+        let full = g.concat(&[Named::FULL_RHO, Named::FULL_V, Named::FULL_N, full_z, &penalty], 1);
         let full = g.concat(&[&full, &full], 0);
         of_guides.push(g.concat(&[Named::Y, &full], 1));
     }
-    let rows = mirrored(&mut g, &height, &padded[0], radius);
-    let columns = mirrored(&mut g, &width, &padded[1], radius);
+    let rows = mirrored(g, &height, &padded[0], radius);
+    let columns = mirrored(g, &width, &padded[1], radius);
     let values: Vec<(Values, Centre)> = of_guides
         .iter()
         .map(|values| {
             let wide = g.gather(values, &rows, 2);
             let keys = g.gather(&wide, &columns, 3);
-            relative(&mut g, keys, &padded, radius)
+            relative(g, keys, &padded, radius)
         })
         .collect();
     let (values, centres): (Vec<Values>, Vec<Centre>) = values.into_iter().unzip();
     let pairs = Pairs { guides: &values, gamma: &parts[1], height: &padded[0], width: &padded[1], radius };
-    let sums = window_sums(&mut g, &pairs);
+    let sums = window_sums(g, &pairs);
     let tau = g.mul(&parts[2], &valid);
     for (i, output) in [HALVES, FULL].into_iter().enumerate().take(values.len()) {
-        let estimate = combine(&mut g, &sums[i], &values[i].pixels, &centres[i].least, &parts[0], &tau);
+        let estimate = combine(g, &sums[i], &values[i].pixels, &centres[i].least, &parts[0], &tau);
         let z = &centres[i].z;
         let estimate = if gated { g.mix(z, &estimate, &parts[3]) } else { estimate };
         let finite = g.is_finite(&estimate);
@@ -71,7 +121,6 @@ pub(super) fn of_network(model: &Model, k: usize) -> GraphProto {
             _ => g.graph.op("Identity", &[&cropped], HALVES),
         };
     }
-    g.finish()
 }
 
 /// The pixels of a padded picture.

@@ -1,4 +1,5 @@
-//! The `picture` graph: from both halves to the picture that our programs write, in standard operators.
+//! The `picture` graph: from both halves to the picture that our programs write, in standard operators; and the
+//! `operators` graph, the same with g_c by an operator of our own.
 
 mod blend;
 mod correct;
@@ -10,15 +11,19 @@ mod verdict;
 
 use crate::apart::add_apart;
 use crate::builder::Dim;
+use crate::messages::GraphProto;
 use crate::messages::data_type;
 use crate::model::{Model, prefix};
-use crate::network_graph::{encode, planes};
+use crate::network_graph::{encode, encode_with, planes};
+use correct::Engine;
+pub use correct::{DOMAIN, DOMAIN_VERSION, POST_CORRECTION, RADIUS_ATTRIBUTE};
 use ops::Ops;
 use prepare::Named;
 use sspc_core::composition::Composition;
 use verdict::Judged;
 
 pub(crate) const PICTURE_GRAPH: &str = "sspc_picture";
+pub(crate) const OPERATORS_GRAPH: &str = "sspc_operators";
 
 /// The finished picture as an ONNX file: `sspc_core::correct`, but for what is decided about the halves before it.
 ///
@@ -32,14 +37,32 @@ pub(crate) const PICTURE_GRAPH: &str = "sspc_picture";
 /// # Panics
 /// When the weights do not fit the contract; [`Model::new`] checks that.
 pub fn write_picture(model: &Model) -> Vec<u8> {
+    encode(model, graph(model, Engine::Standard))
+}
+
+/// [`write_picture`] with g_c by [`POST_CORRECTION`], for onnxruntime with our operator library.
+///
+/// # Panics
+/// As [`write_picture`].
+pub fn write_operators(model: &Model) -> Vec<u8> {
+    encode_with(model, graph(model, Engine::Operator), &[(DOMAIN, DOMAIN_VERSION)])
+}
+
+fn graph(model: &Model, engine: Engine) -> GraphProto {
     let judged = model.contract.composition == Composition::JudgedFullBuffer;
-    let mut g = Ops::new(PICTURE_GRAPH, "");
+    let name = match engine {
+        Engine::Standard => PICTURE_GRAPH,
+        Engine::Operator => OPERATORS_GRAPH,
+    };
+    let mut g = Ops::new(name, "");
     prepare::prepare(&mut g, model);
-    tiles::add_constants(&mut g, model.contract.window_radius as i64);
+    if engine == Engine::Standard {
+        tiles::add_constants(&mut g, model.contract.window_radius as i64);
+    }
     for k in 0..model.contract.networks {
         let shared = correct::shared(k);
         let shared: Vec<&str> = shared.iter().map(String::as_str).collect();
-        add_apart(g.graph.graph_mut(), correct::of_network(model, k), &prefix(k), &shared);
+        add_apart(g.graph.graph_mut(), correct::of_network(model, k, engine), &prefix(k), &shared);
     }
     let halves = mean_over_networks(&mut g, model, correct::HALVES, Named::Z);
     let (halves, share, full, targets) = if judged {
@@ -84,7 +107,7 @@ pub fn write_picture(model: &Model) -> Vec<u8> {
     g.graph.output("picture", data_type::FLOAT, &of(3));
     g.graph.output("share", data_type::FLOAT, &of(1));
     g.graph.output("fallback", data_type::INT64, &[Dim::Size(1)]);
-    encode(model, g.finish())
+    g.finish()
 }
 
 /// The mean of what the networks give under a name, and z where nothing is computed.

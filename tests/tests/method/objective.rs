@@ -1,11 +1,13 @@
 //! The objective of a frame: its weights, and mirrored tiles.
 
-use sspc_core::objective::{Mirror, Objective, PixelLoss, Tile};
+use sspc_core::objective::{Mirror, Objective, PixelLoss, Step, Tile, Workspaces};
 use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
+use sspc_core::start;
 use sspc_image::Image;
 use sspc_kernels::features::{DENOISED, FEATURE_CHANNELS};
 use sspc_kernels::gc::Taps;
+use sspc_kernels::network::Shape;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
@@ -71,5 +73,32 @@ fn a_mirrored_tile_is_the_same_tile_to_g_c_and_the_loss() {
         assert_eq!(features[..2], [seen(0, 0), second], "{mirror:?}: the corner");
         let seen = loss_of_tiles(&objective, isa, &tile, &mirrored(&outputs), measure);
         assert_eq!((seen.0, seen.1), (loss, mirrored(&gradient)), "{mirror:?}");
+    }
+}
+
+/// Machines with many cores compute a tile in parts. Tiles wider than a strip of g_c, and lower than there are parts.
+#[test]
+fn parts_of_tiles_do_not_show() {
+    let mut rng = Rng::new(8);
+    let prepared = prepared([0, 1].map(|_| Image::from_fn(FEATURE_CHANNELS, 50, 90, |_, _, _| rng.uniform())));
+    let objective = Objective::new(&prepared, Form::Gated, Taps::square(4), prepared.set).with_own_weight(&prepared);
+    let shape = Shape::shallow(Form::Gated);
+    let weights = start::analytic(shape, 0.6, &mut Rng::new(3)).weights;
+    for (height, width) in [(48, 48), (37, 83), (3, 65), (1, 1)] {
+        let tiles = [0, 1].map(|half| {
+            let mirror = Mirror { rows: half == 1, columns: true, diagonal: false };
+            Tile { half, region: Region { top: 1, left: 3, height, width }, mirror }
+        });
+        for isa in Isa::available() {
+            let step = Step { objective: &objective, shape, isa, influence: 0.5, frozen_outputs: 0..2 };
+            let of_parts = |parts| step.run_in_parts(&weights, &tiles, &Workspaces::default(), parts);
+            let (loss, gradient) = of_parts(1);
+            for parts in [2, 3, 8, 20] {
+                let (other, of_weights) = of_parts(parts);
+                let what = format!("{height}x{width}, {}, {parts} parts", isa.name());
+                assert_eq!(loss.to_bits(), other.to_bits(), "{what}: the loss");
+                assert!(gradient.iter().zip(&of_weights).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}");
+            }
+        }
     }
 }

@@ -1,0 +1,173 @@
+//! What many cores can gain: the tasks of a training step and of a correction, as the code divides them for each number of
+//! threads, counted in vector operations: `many_cores [HEIGHT WIDTH]`.
+//!
+//! Work is the sum of all tasks; the longest chain is what must wait for one another, however many threads there are. No
+//! machine is faster than the chain, nor than the work divided by its threads: the gain at most is the work of one thread
+//! over the larger of both. Reading, writing and what is done by rows, of which there are thousands, are left out.
+
+use sspc_core::compose::rows_at_once;
+use sspc_core::corrector::Jobs;
+use sspc_core::objective::parts_of_tile;
+use sspc_core::tiles::{DEFAULT_TILE, TileGrid};
+use sspc_image::Image;
+use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
+use sspc_kernels::network::{KERNEL, Shape};
+use sspc_kernels::region::Region;
+use sspc_kernels::windows::Windows;
+use sspc_train::preset::{Preset, Settings};
+
+const THREADS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+/// Vector operations of g_c per tap, forward and with the gradient, and per pair of pixels (`kernels/src/gc/kernel.rs`; the
+/// gradient's from its time).
+const PER_TAP: [f64; 2] = [45.0, 88.0];
+const PER_PAIR: f64 = 37.0;
+/// What one thread does for each pixel of a tile beside g_c and network: activations forward and backward, copies.
+const PER_PIXEL: f64 = 1000.0;
+
+/// Tasks one after the other: all of them, and the longest chain.
+#[derive(Clone, Copy, Debug, Default)]
+struct Stage {
+    work: f64,
+    chain: f64,
+}
+
+impl Stage {
+    fn alone(operations: f64) -> Self {
+        Self { work: operations, chain: operations }
+    }
+
+    /// Tasks that do not wait for one another.
+    fn of(tasks: impl IntoIterator<Item = f64>) -> Self {
+        let add = |sum: Self, task: f64| Self { work: sum.work + task, chain: sum.chain.max(task) };
+        tasks.into_iter().fold(Self::default(), add)
+    }
+
+    fn then(self, next: Self) -> Self {
+        Self { work: self.work + next.work, chain: self.chain + next.chain }
+    }
+
+    /// A row of the table.
+    fn print(self, threads: usize, tasks: usize, of_one: f64) {
+        let Self { work, chain } = self;
+        let gain = of_one / chain.max(work / threads as f64);
+        println!("| {threads} | {tasks} | {:.1} | {:.2} | {gain:.1} |", work / 1e6, chain / 1e6);
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let sizes: Vec<usize> = std::env::args().skip(1).map(|size| size.parse()).collect::<Result<_, _>>()?;
+    let [height, width] = sizes[..].try_into().unwrap_or([720, 1280]);
+    [Preset::Fast, Preset::Balanced].into_iter().for_each(step);
+    correction(height, width);
+    Ok(())
+}
+
+fn head() {
+    println!("| threads | tasks at once | work, million operations | longest chain | gain at most |");
+    println!("|---|---|---|---|---|");
+}
+
+/// A training step of a preset.
+fn step(preset: Preset) {
+    let Settings { shape, radius, tile, batch, .. } = Settings::of(preset, 1);
+    println!("\na step of {preset}: {batch} tiles of {tile} x {tile}, windows of {0} x {0}\n", 2 * radius + 1);
+    head();
+    let pixels = (tile * tile) as f64;
+    let mut of_one = 0.0;
+    for threads in THREADS {
+        let parts = parts_of_tile(batch, threads);
+        let divided = with_regions(Region::whole(tile, tile), radius, |whole| match parts {
+            1 => vec![whole.region],
+            _ => whole.in_parts(parts).iter().map(|part| part.region).collect(),
+        });
+        let mut of_tile = Stage::alone(PER_PIXEL * pixels).then(Stage::of(divided.iter().map(|r| of_gc(r, radius, 1))));
+        for l in 0..shape.layers {
+            // Forward by rows; weights by inputs, then the gradient of the inputs by rows.
+            let inputs = shape.channels(l).0;
+            let by_rows = Stage::of(shares(tile, parts).map(|rows| of_layer(&shape, l) * (rows * tile) as f64));
+            let by_inputs =
+                Stage::of(shares(inputs, parts).map(|n| of_layer(&shape, l) * pixels * n as f64 / inputs as f64));
+            of_tile = of_tile.then(by_rows).then(by_inputs);
+            of_tile = if l > 0 { of_tile.then(by_rows) } else { of_tile };
+        }
+        let step = Stage { work: batch as f64 * of_tile.work, chain: of_tile.chain };
+        of_one = if threads == 1 { step.work } else { of_one };
+        step.print(threads, batch * parts, of_one);
+    }
+}
+
+/// Network and g_c of a picture with a model of `balanced`: halves one after the other, each with its own guides and with
+/// those of the full buffer.
+fn correction(height: usize, width: usize) {
+    let Settings { shape, form, radius, .. } = Settings::of(Preset::Balanced, 1);
+    println!("\nnetwork and g_c of a picture of {width} x {height}, a model of balanced\n");
+    head();
+    let grid = TileGrid::new(height, width, DEFAULT_TILE, shape.radius());
+    let of_network: f64 = (0..shape.layers).map(|l| of_layer(&shape, l)).sum();
+    let mut of_one = 0.0;
+    for threads in THREADS {
+        let step = rows_at_once(form, width, DEFAULT_TILE, threads);
+        let (mut all, mut most) = (Stage::default(), 0);
+        for top in (0..height).step_by(step) {
+            let rows = top..(top + step).min(height);
+            let tiles = grid.tiles_of_rows(rows.clone());
+            let network = tiles.iter().map(|tile| of_network * tile.window.pixels() as f64);
+            let Jobs { rows: of_job, by_strips } = Jobs::new(rows.len(), width, threads);
+            let mut jobs = Vec::new();
+            for top in rows.clone().step_by(of_job) {
+                let region = Region { top, left: 0, height: of_job.min(rows.end - top), width };
+                jobs.extend(with_regions(region, radius, |job| match by_strips {
+                    true => job.in_parts(1).iter().map(|strip| strip.region).collect(),
+                    false => vec![job.region],
+                }));
+            }
+            let gc = Stage::of(jobs.iter().map(|region| of_gc(region, radius, 0)));
+            most = most.max(jobs.len().min(tiles.len()));
+            let of_half = Stage::of(network).then(gc).then(gc);
+            all = all.then(of_half).then(of_half);
+        }
+        of_one = if threads == 1 { all.work } else { of_one };
+        all.print(threads, most, of_one);
+    }
+}
+
+/// What `divide` makes of g_c over a region: it reads the region alone.
+fn with_regions(region: Region, radius: usize, divide: impl Fn(Correction) -> Vec<Region>) -> Vec<Region> {
+    let windows = Windows::new(&Image::zeros(FEATURE_CHANNELS, 1, 1), None, FeatureSet::ALL, 1);
+    let taps = Taps::square(radius);
+    let form = Settings::of(Preset::Balanced, 1).form;
+    let parameters = ParameterPlanes::of_region(form, &[], &region);
+    divide(Correction { windows: &windows, taps: &taps, region, parameters })
+}
+
+/// Operations of g_c over a region, with its gradient where `pass` is 1: strips of their own, rows in pairs of which one
+/// may lie outside.
+fn of_gc(region: &Region, radius: usize, pass: usize) -> f64 {
+    let (height, width, r) = (region.height as isize, region.width as f64, radius as isize);
+    let taps = region.pixels() as f64 * ((2 * radius + 1).pow(2) - 1) as f64;
+    let strips = region.width.div_ceil(sspc_kernels::gc::STRIP) as f64;
+    let inside = |y: isize| (0..height).contains(&y);
+    let mut pairs = 0.0;
+    for (upper, dy) in (-r..height).flat_map(|upper| (0..=r).map(move |dy| (upper, dy))) {
+        for dx in if dy == 0 { 1..=r } else { -r..=r } {
+            pairs += match (inside(upper), inside(upper + dy)) {
+                (true, true) => width + strips * dx.abs() as f64,
+                (false, false) => 0.0,
+                _ => width,
+            };
+        }
+    }
+    PER_TAP[pass] * taps + PER_PAIR * pairs
+}
+
+/// Multiply-adds of a layer per pixel.
+fn of_layer(shape: &Shape, l: usize) -> f64 {
+    let (inputs, outputs) = shape.channels(l);
+    (inputs * outputs * KERNEL * KERNEL) as f64
+}
+
+/// How many of `count` each part has.
+fn shares(count: usize, parts: usize) -> impl Iterator<Item = usize> {
+    sspc_kernels::parts::in_parts(count, parts).into_iter().map(|range| range.len())
+}
