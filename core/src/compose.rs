@@ -62,15 +62,22 @@ pub struct Composer<'a> {
     /// Whether the parameters are those of a training that left out what [`crate::held_out`] says, of a whole picture:
     /// those pixels judge it then.
     pub judged_by_held_out: bool,
+    /// Whether the rows come with differences of y, which reach into the next row.
+    pub with_differences: bool,
 }
+
+/// Rows that judging by differences adds to what a row depends on: the row below of the finished picture and of the evidence,
+/// and the neighbours that a difference's weight is measured of.
+const DIFFERENCES_REACH: usize = 5;
 
 impl Composer<'_> {
     /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window, the two box means of
     /// the blend weight and that of the outlier limit.
     pub fn margin(&self) -> usize {
+        let of_differences = if self.with_differences { DIFFERENCES_REACH } else { 0 };
         match self.composition {
-            Composition::MeanOfHalves => self.taps.radius(),
-            Composition::JudgedFullBuffer => self.taps.radius() + 2 * WEIGHT_RADIUS + LIMIT_RADIUS,
+            Composition::MeanOfHalves => self.taps.radius() + of_differences,
+            Composition::JudgedFullBuffer => self.taps.radius() + 2 * WEIGHT_RADIUS + LIMIT_RADIUS + of_differences,
         }
     }
 
@@ -199,7 +206,9 @@ impl Composer<'_> {
         match self.composition {
             Composition::MeanOfHalves => rows.clone(),
             Composition::JudgedFullBuffer => {
-                rows.start.saturating_sub(LIMIT_RADIUS)..(rows.end + LIMIT_RADIUS).min(height)
+                // A row more below, for differences of the finished picture.
+                let reach = LIMIT_RADIUS + usize::from(self.with_differences);
+                rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
             }
         }
     }

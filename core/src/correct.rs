@@ -114,6 +114,11 @@ pub trait BandSource {
     /// What was decided for the whole frame.
     fn stats(&self) -> &FrameStats;
 
+    /// Whether its rows come with differences of y.
+    fn has_differences(&self) -> bool {
+        false
+    }
+
     /// Some rows, with `around` rows above and below them wherever the picture has; `around` is a multiple of
     /// [`BLOCK`]. Asked for once for each band.
     ///
@@ -188,7 +193,8 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
 ) -> Result<Corrected, CorrectError<B::Error, P::Error>> {
     let taps = Taps::square(how.window_radius);
     let CorrectionSettings { isa, form, composition, strength, judged_by_held_out, .. } = *how;
-    let composer = Composer { isa, form, taps: &taps, composition, strength, judged_by_held_out };
+    let with_differences = frame.has_differences();
+    let composer = Composer { isa, form, taps: &taps, composition, strength, judged_by_held_out, with_differences };
     let (height, width, exposure) = (frame.height(), frame.width(), frame.stats().exposure);
     let around = (composer.margin() + parameters.shape().radius()).next_multiple_of(BLOCK);
     let step = how.rows.unwrap_or_else(|| band_rows(width, around, parameters.networks())).next_multiple_of(BLOCK);

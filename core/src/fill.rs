@@ -77,7 +77,14 @@ mod tests {
 
     fn frame(radiance: Image, denoised: Image) -> Frame {
         let half = HalfBuffer { radiance, denoised, albedo: None, normal: None, visibility: None };
-        Frame { a: half.clone(), b: half, denoised: None, variants: Vec::new(), weights: HalfWeights::EQUAL }
+        Frame {
+            a: half.clone(),
+            b: half,
+            denoised: None,
+            variants: Vec::new(),
+            weights: HalfWeights::EQUAL,
+            differences: None,
+        }
     }
 
     #[test]

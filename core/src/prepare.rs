@@ -31,7 +31,7 @@ pub struct Prepared {
     pub variants: Vec<Arc<Variant>>,
     /// What each half weighs in means of both.
     pub weights: HalfWeights,
-    /// Differences of y that the renderer estimated, to train on.
+    /// Differences of y that the renderer estimated, to train on and to judge by.
     pub differences: Option<Arc<Differences>>,
     /// What of the picture is computed.
     pub plan: Plan,
@@ -105,7 +105,7 @@ impl Prepared {
         let valid = validity(&frame);
         let present = Role::FEATURES.map(|feature| presence(&frame, feature));
         let baseline = baseline(&frame).into_owned();
-        let Frame { a, b, denoised, variants, weights } = frame;
+        let Frame { a, b, denoised, variants, weights, .. } = frame;
         drop(denoised);
         let ground = [&a.denoised, &b.denoised, &baseline];
         let of = |variant| Arc::new(Variant::new(&variant, ground, weights, stats.exposure, &valid));

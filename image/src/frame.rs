@@ -65,6 +65,8 @@ pub struct Frame {
     pub variants: Vec<DenoisedVariant>,
     /// What each half weighs in means of both.
     pub weights: HalfWeights,
+    /// dx and dy of half a and of half b, `[3, H, W]` each, where they are asked for and both halves have both.
+    pub differences: Option<[[Image; 2]; 2]>,
 }
 
 impl DenoisedVariant {
@@ -120,6 +122,10 @@ impl Frame {
             denoised: self.denoised.as_ref().map(|z| z.crop(top, 0, height, z.width())),
             variants: self.variants.iter().map(|variant| variant.rows(top, height)).collect(),
             weights: self.weights,
+            differences: self.differences.as_ref().map(|halves| {
+                let cut = |image: &Image| image.crop(top, 0, height, image.width());
+                halves.each_ref().map(|half| half.each_ref().map(cut))
+            }),
         }
     }
 
@@ -139,6 +145,7 @@ impl Frame {
             denoised: self.denoised.as_ref().map(cut),
             variants: Vec::new(),
             weights: self.weights,
+            differences: None,
         }
     }
 

@@ -32,7 +32,14 @@ pub fn changed(frame: &Frame, change: impl Fn(&Image) -> Image) -> Frame {
         visibility: h.visibility.as_ref().map(&change),
     };
     let denoised = frame.denoised.as_ref().map(&change);
-    Frame { a: half(&frame.a), b: half(&frame.b), denoised, variants: Vec::new(), weights: frame.weights }
+    Frame {
+        a: half(&frame.a),
+        b: half(&frame.b),
+        denoised,
+        variants: Vec::new(),
+        weights: frame.weights,
+        differences: None,
+    }
 }
 
 /// The frame with all radiance times `factor`.

@@ -123,6 +123,7 @@ fn reach(network: usize, window_radius: usize, composition: Composition) -> usiz
         composition,
         strength: 1.0,
         judged_by_held_out: false,
+        with_differences: false,
     };
     network + composer.margin()
 }
