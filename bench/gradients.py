@@ -20,16 +20,19 @@ from .common import REPOSITORY, about, environment, folder, numbers, parser, pro
 
 sys.path.insert(0, str(REPOSITORY / "reference-py"))
 
+# The weight of the term that the page recommends.
+WITH = ["--set", "differences=0.3"]
 # Columns: whose frame, what is z, and further arguments of the fit; no arguments: z itself is measured.
 COLUMNS = {
     "without": ("own", "oidn", []),
-    "with": ("own", "oidn", ["--set", "differences=1"]),
+    "with": ("own", "oidn", WITH),
+    "with, 1": ("own", "oidn", ["--set", "differences=1"]),
     "Poisson L2": ("own", "L2", None),
     "Poisson L1": ("own", "L1", None),
     "corrected L1, without": ("own", "L1", []),
-    "corrected L1, with": ("own", "L1", ["--set", "differences=1"]),
+    "corrected L1, with": ("own", "L1", WITH),
     "unjudged, without": ("own", "oidn", ["--set", "composition=halves"]),
-    "unjudged, with": ("own", "oidn", ["--set", "composition=halves", "--set", "differences=1"]),
+    "unjudged, with": ("own", "oidn", ["--set", "composition=halves", *WITH]),
     "OIDN, equal work": ("work", "oidn", None),
     "corrected, equal work": ("work", "oidn", []),
 }

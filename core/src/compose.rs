@@ -66,9 +66,9 @@ pub struct Composer<'a> {
     pub with_differences: bool,
 }
 
-/// Rows that judging by differences adds to what a row depends on: the row below of the finished picture and of the evidence,
-/// and the neighbours that a difference's weight is measured of.
-const DIFFERENCES_REACH: usize = 5;
+/// Rows that judging by differences adds to what a row depends on: the next one, and the neighbours (two rows, and the one
+/// beyond that a difference leads to) that the weight of a difference is measured of.
+const DIFFERENCES_REACH: usize = 4;
 
 impl Composer<'_> {
     /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window, the two box means of
@@ -206,9 +206,7 @@ impl Composer<'_> {
         match self.composition {
             Composition::MeanOfHalves => rows.clone(),
             Composition::JudgedFullBuffer => {
-                // A row more below, for differences of the finished picture.
-                let reach = LIMIT_RADIUS + usize::from(self.with_differences);
-                rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
+                rows.start.saturating_sub(LIMIT_RADIUS)..(rows.end + LIMIT_RADIUS).min(height)
             }
         }
     }

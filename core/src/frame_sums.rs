@@ -3,6 +3,9 @@
 //! **Loss** (Eq. 9): Σ ½ w^h ‖x^h - y‖² over both halves, y the other half's, w^h by the own half's z
 //! ([`crate::objective::own_weight`]); **gain**, the difference of two losses.
 //!
+//! Differences of y that a gradient-domain renderer gives have no part in it: they see nothing of low frequencies, and of a
+//! frame that lost 9 % of its light they said that it is better.
+//!
 //! **Error** of the mean of both halves: ½ Σ_h ‖x^h - y‖² - σ² + (w_a - ½) Δ - w_a w_b ‖x^a - x^b‖² over a squared brightness,
 //! with the halves' weights w and Δ = x^a·(x^a - 2 y^b) - x^b·(x^b - 2 y^a). Finished and
 //! denoised picture stand in for the reference there: they are made of both halves alike. Under a weight made of the half
@@ -11,10 +14,9 @@
 //! alike. They still depend on the same noise: where it makes the stand-in bright, errors count for less.
 
 use crate::composition::Composition;
-use crate::differences::Differences;
 use crate::estimate::{BLOCK, Blocks, Errors, Estimate, Losses, Mean};
 use crate::held_out;
-use crate::objective::{RELATIVE_FLOOR, own_weight, weight_of};
+use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use crate::trust::Trust;
 use rayon::prelude::*;
@@ -56,8 +58,6 @@ pub struct Verdict {
 /// blended correction and the first less the second, under the finished and the denoised picture's brightness each; then the
 /// squares of those three under the finished one's.
 const QUANTITIES: usize = 13;
-/// Place of the gain among them.
-const GAIN: usize = 3;
 /// Those of a block, and its valid values.
 type BlockSum = ([f64; QUANTITIES], f64);
 
@@ -72,16 +72,12 @@ impl FrameSums {
         rows: Range<usize>,
     ) -> Self {
         let tops: Vec<usize> = rows.clone().step_by(BLOCK).collect();
-        let of_differences = GainOfDifferences::of(prepared, corrected, share);
         let blocks: Vec<Vec<BlockSum>> = tops
             .into_par_iter()
             .map(|top| {
                 let mut blocks = vec![([0.0; QUANTITIES], 0.0); prepared.width().div_ceil(BLOCK)];
                 for y in top..(top + BLOCK).min(rows.end) {
                     Pixels::of_row(prepared, corrected, share, correction, y).add_to(&mut blocks);
-                    if let Some(differences) = &of_differences {
-                        differences.add_to(y, &mut blocks);
-                    }
                 }
                 blocks
             })
@@ -93,7 +89,7 @@ impl FrameSums {
             loss_denoised: of(0),
             loss_corrected: of(1),
             loss_unjudged: of(2),
-            gain: of(GAIN),
+            gain: of(3),
             held_out_gain: None,
             error_denoised: errors(4, 10),
             error_corrected: errors(6, 11),
@@ -272,48 +268,6 @@ impl<'a> Pixels<'a> {
     }
 }
 
-/// By how much the loss of differences falls (G1 of docs/GRADIENTS.md), where the frame has them.
-struct GainOfDifferences<'a> {
-    prepared: &'a Prepared,
-    given: &'a Differences,
-    corrected: &'a [Image; 2],
-    share: &'a Image,
-    weights: [Image; 2],
-}
-
-impl<'a> GainOfDifferences<'a> {
-    fn of(prepared: &'a Prepared, corrected: &'a [Image; 2], share: &'a Image) -> Option<Self> {
-        let given = prepared.differences.as_deref()?;
-        if matches!(std::env::var("X20").as_deref(), Ok("share" | "none")) {
-            return None;
-        }
-        Some(Self { prepared, given, corrected, share, weights: [0, 1].map(|h| own_weight(prepared, h)) })
-    }
-
-    fn add_to(&self, y: usize, blocks: &mut [BlockSum]) {
-        for axis in 0..2 {
-            let weight = self.given.weight.row(axis, y);
-            for (x, &weight) in weight.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
-                let of_half = |h: usize| {
-                    let of_channel = |k: usize| {
-                        // Of z and of what it is corrected to: this pixel and the next one.
-                        let [p, q] = [(y + axis, x + 1 - axis), (y, x)].map(|(y, x)| {
-                            let z = self.prepared.halves[h].at(DENOISED + k, y, x);
-                            let mixed = z + self.share.at(0, y, x) * (self.corrected[h].at(k, y, x) - z);
-                            [f64::from(z), f64::from(mixed.max(0.0))]
-                        });
-                        let [of_z, of_mixed] = [0, 1].map(|i| p[i] - q[i]);
-                        let estimate = f64::from(self.given.halves[1 - h].at(3 * axis + k, y, x));
-                        (of_z - of_mixed) * (of_z + of_mixed - 2.0 * estimate)
-                    };
-                    0.5 * f64::from(weight * self.weights[h].at(0, y, x)) * (0..3).map(of_channel).sum::<f64>()
-                };
-                blocks[x / BLOCK].0[GAIN] += of_half(0) + of_half(1);
-            }
-        }
-    }
-}
-
 /// Standard errors by which an estimate is below zero by more than chance.
 pub const BY_CHANCE: f64 = 3.0;
 
@@ -325,49 +279,4 @@ fn is_impossible(error: Mean) -> bool {
 fn shown(mean: Mean) -> String {
     let error = mean.standard_error.map_or(String::new(), |error| format!(" ± {error:.1e}"));
     format!("{:.3e}{error}", mean.value)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::blend_weight::tests::with_differences;
-
-    /// The gain is by how much the loss of colours and differences falls, one by one in f64. Fails with another sign, half,
-    /// place or weight, or where a difference is of pixels that are not brought to what the picture shows.
-    #[test]
-    fn the_gain_of_differences_agrees_with_its_naive_twin() {
-        let (height, width) = (21, 18);
-        let (prepared, halves) = with_differences(height, width);
-        let share = Image::from_fn(1, height, width, |_, y, x| ((y + 2 * x) % 5) as f32 / 4.0);
-        let correction = Image::zeros(3, height, width);
-        let of =
-            |prepared: &Prepared| FrameSums::of(prepared, &halves, &share, &correction, 0..height).gain.mean().value;
-        let found = of(&prepared) - of(&Prepared { differences: None, ..prepared.clone() });
-        let given = prepared.differences.as_ref().expect("differences");
-        let z = |h: usize, k: usize, (y, x): (usize, usize)| f64::from(prepared.halves[h].at(DENOISED + k, y, x));
-        let mixed = |h: usize, k: usize, at: (usize, usize)| {
-            let (z, share) = (z(h, k, at), f64::from(share.at(0, at.0, at.1)));
-            (z + share * (f64::from(halves[h].at(k, at.0, at.1)) - z)).max(0.0)
-        };
-        let mut sum = 0.0;
-        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
-            for (axis, next) in [(y, x + 1), (y + 1, x)].into_iter().enumerate() {
-                if next.0 == height || next.1 == width {
-                    continue;
-                }
-                for h in 0..2 {
-                    let mean = (0..3).map(|k| z(h, k, (y, x))).sum::<f64>() / 3.0;
-                    let weight = f64::from(given.weight.at(axis, y, x)) / (mean * mean + 0.01);
-                    for k in 0..3 {
-                        let estimate = f64::from(given.halves[1 - h].at(3 * axis + k, y, x));
-                        let before = z(h, k, next) - z(h, k, (y, x)) - estimate;
-                        let after = mixed(h, k, next) - mixed(h, k, (y, x)) - estimate;
-                        sum += 0.5 * weight * (before * before - after * after);
-                    }
-                }
-            }
-        }
-        let expected = sum / (3 * height * width) as f64;
-        assert!((found - expected).abs() < 1e-4 * expected.abs(), "{found} {expected}");
-    }
 }

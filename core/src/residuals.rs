@@ -25,16 +25,11 @@ pub(crate) struct Residual<const N: usize> {
 pub(crate) struct Residuals<'a> {
     prepared: &'a Prepared,
     weights: [Image; 2],
-    off: bool,
 }
 
 impl<'a> Residuals<'a> {
     pub fn new(prepared: &'a Prepared) -> Self {
-        Self {
-            prepared,
-            weights: [0, 1].map(|h| own_weight(prepared, h)),
-            off: matches!(std::env::var("X20").as_deref(), Ok("gate" | "none")),
-        }
+        Self { prepared, weights: [0, 1].map(|h| own_weight(prepared, h)) }
     }
 
     /// Every residual of row `y`, with N corrections of both halves, `[3, H, W]` each.
@@ -51,9 +46,7 @@ impl<'a> Residuals<'a> {
                 tell(Residual { x, weight: weight[x], r: limited(less_z(target), weight[x]), d });
             }
         }
-        if prepared.differences.is_some() && !self.off {
-            self.differences_of_row(y, corrected, tell);
-        }
+        self.differences_of_row(y, corrected, tell);
     }
 
     fn differences_of_row<const N: usize>(
