@@ -12,8 +12,9 @@ use std::process::Output;
 const HEIGHT: usize = 48;
 const WIDTH: usize = 64;
 
+/// Rough enough that a difference to another neighbour is another one.
 fn truth(c: usize, y: usize, x: usize) -> f32 {
-    1.0 + 0.6 * ((x as f32 + c as f32) * 0.4).sin() * (y as f32 * 0.3).cos()
+    1.0 + 0.6 * ((x as f32 + c as f32) * 1.1).sin() * (y as f32 * 1.3).cos()
 }
 
 /// The differences of one half: dx and dy, noise of their own included.
@@ -27,9 +28,12 @@ fn differences(seed: u64) -> [Image; 2] {
 /// Writes half `a` or `b` with further layers.
 fn write(folder: &Path, name: &str, layers: &[(&str, &Image)]) {
     let rng = &mut Rng::new(if name == "a" { 1 } else { 2 });
-    let mut picture =
-        |noise: f32| Image::from_fn(3, HEIGHT, WIDTH, |c, y, x| (truth(c, y, x) + noise * rng.normal()).max(0.0));
-    let (noisy, denoised) = (picture(0.4), picture(0.03));
+    let mut picture = |contrast: f32, noise: f32| {
+        let value = |c, y, x| 1.0 + contrast * (truth(c, y, x) - 1.0);
+        Image::from_fn(3, HEIGHT, WIDTH, |c, y, x| (value(c, y, x) + noise * rng.normal()).max(0.0))
+    };
+    // The denoiser has lost a third of the contrast.
+    let (noisy, denoised) = (picture(1.0, 0.2), picture(0.67, 0.02));
     let mut all = vec![("", "RGB", &noisy, false), ("denoised", "RGB", &denoised, false)];
     all.extend(layers.iter().map(|(layer, image)| (*layer, "RGB", *image, false)));
     write_mixed(&folder.join(format!("{name}.exr")), &all);
