@@ -28,6 +28,7 @@ SCENES = {
         Scene("fog", "mitsuba", "homogeneous fog, a lamp and coloured lights: features that do not see the noise"),
         Scene("many-lights", "mitsuba", "some hundred small coloured lights, shadows of columns and gratings"),
         Scene("leaves", "mitsuba", "thousands of leaves before an empty background: half of the frame is black"),
+        Scene("uplight", "mitsuba", "room of plain walls lit by its ceiling: smooth indirect light, moderate noise"),
         Scene("fur-and-cloth", "cycles", "hair balls and woven cloth out of focus: noisy features", 512),
         Scene("motion", "cycles", "fast textured objects with motion blur: noisy features", 512),
         Scene("stage", "cycles", "lamps, a shining sign, glass, metal and smoke: every lobe and many lights", 512),

@@ -17,7 +17,7 @@ from . import frame
 from .command import seed_of, size
 from .worker import Worker
 
-SCENES = ("fog", "door-crack", "many-lights", "glass-table")
+SCENES = ("fog", "door-crack", "uplight", "glass-table")
 # Samples that are rendered at a time.
 PASS_SPP = 32
 NAMES = frame.CHANNELS | {role: tuple(f"{role}.{c}" for c in "RGB") for role in ("dx", "dy")}

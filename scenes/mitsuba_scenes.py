@@ -15,6 +15,7 @@ def build(name, folder):
         "fog": fog,
         "many-lights": many_lights,
         "leaves": leaves,
+        "uplight": uplight,
     }[name](folder)
 
 
@@ -178,6 +179,34 @@ def leaves(folder):
         "sky": panel((-22, 14, -14), (26, 0, 0), (0, 0, 28), colour(0, 0, 0)) | light(1.2, 1.5, 2.1),
     }
     return scene, ((0, 1.5, 8.6), (0, 1.15, 0), 25)
+
+
+def uplight(folder):
+    plain, wood = colour(0.78, 0.76, 0.72), paint(textures.planks(512, 6, 21), (1, 1))
+    scene = {
+        "floor": panel((-3, 0, 3), (6, 0, 0), (0, 0, -6), paint(textures.planks(), (2, 2))),
+        "ceiling": panel((-3, 2.7, -3), (6, 0, 0), (0, 0, 6), colour(0.85, 0.85, 0.85)),
+        "back": panel((-3, 0, -3), (6, 0, 0), (0, 2.7, 0), plain),
+        "front": panel((3, 0, 3), (-6, 0, 0), (0, 2.7, 0), plain),
+        "left": panel((-3, 0, 3), (0, 0, -6), (0, 2.7, 0), colour(0.62, 0.36, 0.25)),
+        "right": panel((3, 0, -3), (0, 0, 6), (0, 2.7, 0), colour(0.35, 0.5, 0.6)),
+        # Lamps: a window beside the camera, and two sheets that light the ceiling, and through it the room.
+        "window": panel((-2.99, 0.9, 2.6), (0, 0, -2.2), (0, 1.4, 0), colour(0.2, 0.2, 0.2)) | light(1.6, 1.9, 2.4),
+        "shade": box((-0.2, 2.1, -1), (0.7, 0.02, 0.5), colour(0.7, 0.7, 0.7)),
+        "lamp": panel((-0.85, 2.13, -0.55), (1.3, 0, 0), (0, 0, -0.9), colour(0.2, 0.2, 0.2)) | light(13, 11.5, 9.5),
+        "sconce": box((2.75, 1.9, -1.4), (0.2, 0.03, 0.35), colour(0.7, 0.7, 0.7)),
+        "glow": panel((2.58, 1.94, -1.1), (0.3, 0, 0), (0, 0, -0.6), colour(0.2, 0.2, 0.2)) | light(10, 12, 15),
+        "rug": panel((-1.4, 0.01, 0.4), (2.4, 0, 0), (0, 0, -1.8), paint(textures.weave(1024, 48), (1, 1))),
+        "table": box((-0.2, 0.72, -1.2), (0.8, 0.03, 0.5), wood, 12),
+        "vase": sphere((-0.5, 0.95, -1.2), 0.2, gloss(0.5, 0.1, 0.08)),
+        "glass": sphere((0.15, 0.92, -1.1), 0.17, {"type": "dielectric", "int_ior": 1.5}),
+        "cube": box((-2.2, 0.4, -2.2), (0.4, 0.4, 0.4), colour(0.7, 0.65, 0.3), 30),
+        "globe": sphere((1.6, 0.45, -1.9), 0.45, colour(0.8, 0.8, 0.8)),
+        "picture": panel((-1.2, 1.2, -2.98), (1.6, 0, 0), (0, 0.9, 0), paint(textures.checker(512, 6), (1, 1))),
+    }
+    for index, (x, z) in enumerate(((-0.85, -1.55), (0.45, -1.55), (-0.85, -0.85), (0.45, -0.85))):
+        scene[f"leg-{index}"] = box((x, 0.35, z), (0.03, 0.35, 0.03), colour(0.25, 0.14, 0.07))
+    return scene, ((0.9, 1.45, 2.8), (-0.1, 1.05, -1.4), 44)
 
 
 # Parts that scenes are made of.

@@ -54,12 +54,17 @@ pub fn correct_frame(
         warnings.push("the model was fitted with neighbouring frames; a frame by itself has none".to_string());
     }
     let stats = stats.with_features_of(contract.features);
+    let bands = FrameBands::new(&frame, stats, contract.composition.skips_still_blocks());
+    let (mut bands, said) = match contract.differences > 0.0 {
+        true => bands.with_differences(contract.differences).unwrap_or_else(|never| match never {}),
+        false => (bands, Vec::new()),
+    };
+    warnings.extend(said);
     let how = CorrectionSettings { keep_maps, ..contract.correction(isa, strength) };
     let networks: Vec<_> = model.networks().iter().map(|n| WindowNetwork::new(isa, contract.form, n)).collect();
     let pixels = 2 * networks.len() * frame.height() * frame.width();
     let networks = WatchedNetworks { networks: &networks, watch, pixels, done: AtomicUsize::new(0) };
     watch.tell(WINDOWS[0]);
-    let mut bands = FrameBands::new(&frame, stats, contract.composition.skips_still_blocks());
     let corrected = correct(&mut bands, &networks, &how, &|| watch.stops()).map_err(|error| match error {
         CorrectError::Interrupted | CorrectError::Parameters(Stopped) => Failure::interrupted(),
         CorrectError::Bands(never) => match never {},

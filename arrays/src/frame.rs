@@ -31,6 +31,10 @@ pub const PICTURES: [(Role, Buffer); 11] = [
     (Role::Visibility, Buffer::B),
 ];
 
+/// Differences of y that a gradient-domain renderer gives: to the pixel on the right (dx) and below (dy), of each half.
+pub const DIFFERENCES: [(Role, Buffer); 4] =
+    [(Role::Dx, Buffer::A), (Role::Dx, Buffer::B), (Role::Dy, Buffer::A), (Role::Dy, Buffer::B)];
+
 /// A frame's pictures as they were given, all of one size.
 #[derive(Clone, Debug, Default)]
 pub struct GivenFrame {
@@ -96,6 +100,11 @@ impl GivenFrame {
                 }
             }
         }
+        let given = DIFFERENCES.iter().filter(|key| self.pictures.contains_key(key)).count();
+        if (1..DIFFERENCES.len()).contains(&given) {
+            DIFFERENCES.iter().for_each(|key| drop(self.pictures.remove(key)));
+            notes.push("differences of y: expected dx_a, dx_b, dy_a and dy_b, so they are not used".to_string());
+        }
         notes
     }
 
@@ -107,7 +116,10 @@ impl GivenFrame {
             let first = [&a.denoised, &b.denoised].map(Image::clone);
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
-        Ok(Frame { a, b, denoised, variants, composite: None, weights: self.weights })
+        let mut of_half =
+            |half| Some([self.pictures.remove(&(Role::Dx, half))?, self.pictures.remove(&(Role::Dy, half))?]);
+        let differences = of_half(Buffer::A).zip(of_half(Buffer::B)).map(|(a, b)| [a, b]);
+        Ok(Frame { a, b, denoised, variants, composite: None, weights: self.weights, differences })
     }
 
     fn half(&mut self, half: Buffer) -> Result<HalfBuffer, Failure> {

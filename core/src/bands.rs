@@ -1,24 +1,50 @@
 //! Where a frame's bands come from: a frame that is prepared already, or rows that are read when they are needed.
 
 use crate::correct::{BandInput, BandSource, Ground};
+use crate::differences::{Readings, Search};
 use crate::frame_stats::FrameStats;
 use crate::prepare::Prepared;
 use sspc_image::{FrameRows, Image};
 use std::borrow::Cow;
 use std::convert::Infallible;
 use std::ops::Range;
+use std::sync::Arc;
+
+/// What is said of a frame without differences, whose model was fitted with some.
+pub const WITHOUT_DIFFERENCES: &str = "the model was fitted with differences of y, and this frame has no dx and dy: its colours alone judge the correction";
 
 /// A frame whose rows are brought into the method's units band by band.
 pub struct FrameBands<'a, R> {
     rows: &'a R,
     stats: FrameStats,
     skip_still_blocks: bool,
+    differences: Option<Readings>,
 }
+
+/// Rows of a band whose differences are looked over.
+const LOOKED_AT: usize = 64;
 
 impl<'a, R: FrameRows> FrameBands<'a, R> {
     /// Bands of a frame that was looked over.
     pub fn new(rows: &'a R, stats: FrameStats, skip_still_blocks: bool) -> Self {
-        Self { rows, stats, skip_still_blocks }
+        Self { rows, stats, skip_still_blocks, differences: None }
+    }
+
+    /// The same, judged by differences of y too, which weigh `strength` times what their noise deserves: all rows are looked
+    /// over to find out what dx and dy hold. And what a person should know; without differences nothing changes.
+    ///
+    /// # Errors
+    /// What reading can raise.
+    pub fn with_differences(self, strength: f32) -> Result<(Self, Vec<String>), R::Error> {
+        let (height, mut search) = (self.rows.height(), Search::default());
+        for top in (0..height).step_by(LOOKED_AT) {
+            let end = (top + LOOKED_AT).min(height);
+            let frame = self.rows.rows(top..(end + 1).min(height))?;
+            let Some(read) = &frame.differences else { return Ok((self, vec![WITHOUT_DIFFERENCES.to_string()])) };
+            search.look(read, &Prepared::by_stats(&frame, &self.stats), 0..end - top);
+        }
+        let (differences, said) = search.finish(strength);
+        Ok((Self { differences, ..self }, said))
     }
 }
 
@@ -41,6 +67,10 @@ impl<R: FrameRows> BandSource for FrameBands<'_, R> {
         self.rows.has_composite()
     }
 
+    fn has_differences(&self) -> bool {
+        self.differences.is_some()
+    }
+
     fn band(&mut self, rows: Range<usize>, around: usize) -> Result<BandInput<'_>, R::Error> {
         let first = rows.start.saturating_sub(around);
         let last = (rows.end + around).min(self.rows.height());
@@ -49,6 +79,9 @@ impl<R: FrameRows> BandSource for FrameBands<'_, R> {
         let mut prepared = Prepared::by_stats(&frame, &self.stats);
         if !self.skip_still_blocks {
             prepared = prepared.without_skips(&self.stats);
+        }
+        if let Some((readings, read)) = self.differences.zip(frame.differences.as_ref()) {
+            prepared.differences = Some(Arc::new(readings.of(read, &prepared)));
         }
         let ground = match inner.len() == frame.height() {
             true => Ground::of(&frame, &self.stats),
@@ -100,6 +133,10 @@ impl BandSource for PreparedFrame<'_> {
 
     fn has_composite(&self) -> bool {
         self.prepared.as_ref().is_some_and(|prepared| prepared.composite.is_some())
+    }
+
+    fn has_differences(&self) -> bool {
+        self.prepared.as_ref().is_some_and(|prepared| prepared.differences.is_some())
     }
 
     /// # Panics

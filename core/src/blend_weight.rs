@@ -15,11 +15,10 @@
 
 use crate::box_mean::box_mean;
 use crate::held_out::blind;
-use crate::objective::own_weight;
 use crate::prepare::Prepared;
+use crate::residuals::{Residual, Residuals, dot};
 use rayon::prelude::*;
 use sspc_image::Image;
-use sspc_kernels::features::DENOISED;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub const WEIGHT_RADIUS: usize = 15;
@@ -44,36 +43,35 @@ pub(crate) struct Evidence {
 impl Evidence {
     /// Evidence of corrected `halves`, `[3, H, W]` each, in the method's units.
     pub fn of(prepared: &Prepared, halves: &[Image; 2]) -> Self {
-        Self::between(prepared, |h, k, y| prepared.halves[h].row(DENOISED + k, y), |h, k, y| halves[h].row(k, y))
+        Self::sum(prepared, [halves], |r, [d]| (r, d))
     }
 
-    /// The same of the way between two pictures of each half, whose rows of half `h` and channel `k` are `from(h, k, y)` and
-    /// `to(h, k, y)`: d = to - from, r = y of the other half - from.
-    pub fn between<'p>(
+    /// The same of the way from corrected `halves` on to `others`.
+    pub fn beyond(prepared: &Prepared, halves: &[Image; 2], others: &[Image; 2]) -> Self {
+        let less = |of: [f32; 3], d: [f32; 3]| [0, 1, 2].map(|k| of[k] - d[k]);
+        Self::sum(prepared, [halves, others], |r, [d, other]| (less(r, d), less(other, d)))
+    }
+
+    /// Sums of what `way` makes of a residual and of what N corrections do to it: what is left of it, and the way that is judged.
+    fn sum<const N: usize>(
         prepared: &Prepared,
-        from: impl Fn(usize, usize, usize) -> &'p [f32] + Sync,
-        to: impl Fn(usize, usize, usize) -> &'p [f32] + Sync,
+        corrected: [&[Image; 2]; N],
+        way: impl Fn([f32; 3], [[f32; 3]; N]) -> ([f32; 3], [f32; 3]) + Sync,
     ) -> Self {
         let (height, width) = (prepared.height(), prepared.width());
         let mut evidence = Self { agreement: Image::zeros(1, height, width), size: Image::zeros(1, height, width) };
         if height * width == 0 {
             return evidence;
         }
-        let weights = [0, 1].map(|h| own_weight(prepared, h));
+        let residuals = Residuals::new(prepared);
         let agreement = evidence.agreement.plane_mut(0).par_chunks_mut(width);
         let size = evidence.size.plane_mut(0).par_chunks_mut(width);
         agreement.zip(size).enumerate().for_each(|(y, (agreement, size))| {
-            for h in 0..2 {
-                let weight = weights[h].row(0, y);
-                let from = [0, 1, 2].map(|k| from(h, k, y));
-                let target = [0, 1, 2].map(|k| prepared.target_row(h, k, y));
-                let to = [0, 1, 2].map(|k| to(h, k, y));
-                for x in 0..width {
-                    let [r, d] = [target, to].map(|of| [0, 1, 2].map(|k| of[k][x] - from[k][x]));
-                    agreement[x] += weight[x] * dot(limited(r, weight[x]), d);
-                    size[x] += weight[x] * dot(d, d);
-                }
-            }
+            residuals.of_row(y, corrected, |Residual { x, weight, r, d }| {
+                let (r, d) = way(r, d);
+                agreement[x] += weight * dot(r, d);
+                size[x] += weight * dot(d, d);
+            });
         });
         evidence
     }
@@ -101,12 +99,6 @@ impl Evidence {
     }
 }
 
-/// A residual of a pixel as it counts.
-pub(crate) fn limited(r: [f32; 3], weight: f32) -> [f32; 3] {
-    let limit = LARGEST_RESIDUAL / (weight * dot(r, r)).sqrt().max(LARGEST_RESIDUAL);
-    r.map(|r| limit * r)
-}
-
 /// Means over the neighbourhood that judges a pixel.
 pub(crate) fn around(sums: Image) -> Image {
     // Each image goes when its mean is there.
@@ -119,17 +111,15 @@ pub(crate) fn best_share(agreement: f32, size: f32) -> f32 {
     if size > 0.0 { (agreement / size).clamp(0.0, LARGEST_SHARE) } else { 0.0 }
 }
 
-pub(crate) fn dot(p: [f32; 3], q: [f32; 3]) -> f32 {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::differences::Differences;
     use crate::plan::Plan;
     use crate::prepare::Findings;
+    use crate::rng::Rng;
     use sspc_image::HalfWeights;
-    use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet, RADIANCE};
+    use sspc_kernels::features::{DENOISED, FEATURE_CHANNELS, FeatureSet, RADIANCE};
     use std::sync::Arc;
 
     pub(crate) const TRUTH: f32 = 1.0;
@@ -189,5 +179,62 @@ pub(crate) mod tests {
         assert!(row[..width / 2 - reach].iter().all(|s| (s - 0.5).abs() < 1e-5), "{row:?}");
         assert!(row[width / 2 + reach..].iter().all(|s| (s - 1.0).abs() < 1e-5), "{row:?}");
         assert!(row.is_sorted(), "{row:?}");
+    }
+
+    /// A frame of noise with noisy differences, and corrected halves of noise.
+    pub(crate) fn with_differences(height: usize, width: usize) -> (Prepared, [Image; 2]) {
+        let rng = &mut Rng::new(11);
+        let mut prepared = without_noise(height, width);
+        let mut noise =
+            |channels: usize, size: f32| Image::from_fn(channels, height, width, |_, _, _| 0.5 + size * rng.normal());
+        prepared.halves = [(); 2].map(|()| Arc::new(noise(FEATURE_CHANNELS, 0.2)));
+        let known = Image::from_fn(2, height, width, |axis, y, x| {
+            if (y + axis < height) && (x + 1 - axis < width) && (y, x) != (2, 3) { 1.0 } else { 0.0 }
+        });
+        let halves = [noise(6, 0.3), noise(6, 0.3)];
+        let given = Differences::of_known(halves, known, &prepared, 0.7);
+        prepared.differences = Some(Arc::new(given));
+        (prepared, [noise(3, 0.2), noise(3, 0.2)])
+    }
+
+    /// The naive twin: one difference at a time, in f64. Fails with another sign, place, half or weight, and where a limit is
+    /// missing.
+    #[test]
+    fn evidence_of_differences_agrees_with_its_naive_twin() {
+        let (height, width) = (6, 9);
+        let (mut prepared, halves) = with_differences(height, width);
+        // One outlier that is limited.
+        let given = Arc::make_mut(prepared.differences.as_mut().expect("differences"));
+        given.halves[1].set(4, 2, 5, 500.0);
+        let found = Evidence::of(&prepared, &halves);
+        let colours = Evidence::of(&Prepared { differences: None, ..prepared.clone() }, &halves);
+        let given = prepared.differences.as_ref().expect("differences");
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let (mut agreement, mut size) = (0.0, 0.0);
+            for (axis, (y1, x1)) in [(y, x + 1), (y + 1, x)].into_iter().enumerate() {
+                if y1 == height || x1 == width || given.known.at(axis, y, x) == 0.0 {
+                    continue;
+                }
+                for h in 0..2 {
+                    let z = |k: usize, y, x| f64::from(prepared.halves[h].at(DENOISED + k, y, x));
+                    let mean = (0..3).map(|k| z(k, y, x)).sum::<f64>() / 3.0;
+                    let weight = f64::from(given.weight.at(axis, y, x)) / (mean * mean + 0.01);
+                    let step = |k: usize, y, x| f64::from(halves[h].at(k, y, x)) - z(k, y, x);
+                    let d = [0, 1, 2].map(|k| step(k, y1, x1) - step(k, y, x));
+                    let other = |k: usize| f64::from(given.halves[1 - h].at(3 * axis + k, y, x));
+                    let r = [0, 1, 2].map(|k| other(k) - (z(k, y1, x1) - z(k, y, x)));
+                    let length = (weight * r.iter().map(|r| r * r).sum::<f64>()).sqrt();
+                    let limit = (f64::from(LARGEST_RESIDUAL) / length).min(1.0);
+                    agreement += limit * weight * r.iter().zip(d).map(|(r, d)| r * d).sum::<f64>();
+                    size += weight * d.iter().map(|d| d * d).sum::<f64>();
+                }
+            }
+            let of_differences = |all: &Image, colours: &Image| f64::from(all.at(0, y, x) - colours.at(0, y, x));
+            let close = |found: f64, expected: f64| (found - expected).abs() < 1e-4 * (1.0 + expected.abs());
+            let found_agreement = of_differences(&found.agreement, &colours.agreement);
+            assert!(close(found_agreement, agreement), "{y} {x}: {found_agreement} {agreement}");
+            let found_size = of_differences(&found.size, &colours.size);
+            assert!(close(found_size, size), "{y} {x}: {found_size} {size}");
+        }
     }
 }

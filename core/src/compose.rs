@@ -70,17 +70,24 @@ pub struct Composer<'a> {
     pub judged_by_held_out: bool,
     /// Whether frames bring a composite of their passes.
     pub has_composite: bool,
+    /// Whether the rows come with differences of y, which reach into the next row.
+    pub with_differences: bool,
 }
+
+/// Rows that judging by differences adds to what a row depends on: the next one, and the neighbours (two rows, and the one
+/// beyond that a difference leads to) that the weight of a difference is measured of.
+const DIFFERENCES_REACH: usize = 4;
 
 impl Composer<'_> {
     /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window, the two box means of
     /// the blend weight (two more of the composite's share) and that of the outlier limit.
     pub fn margin(&self) -> usize {
+        let of_differences = if self.with_differences { DIFFERENCES_REACH } else { 0 };
         match self.composition {
-            Composition::MeanOfHalves => self.taps.radius(),
+            Composition::MeanOfHalves => self.taps.radius() + of_differences,
             Composition::JudgedFullBuffer => {
                 let of_mix = if self.has_composite { 2 * MIX_RADIUS } else { 0 };
-                self.taps.radius() + of_mix + 2 * WEIGHT_RADIUS + LIMIT_RADIUS
+                self.taps.radius() + of_mix + 2 * WEIGHT_RADIUS + LIMIT_RADIUS + of_differences
             }
         }
     }

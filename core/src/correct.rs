@@ -117,6 +117,11 @@ pub trait BandSource {
     /// Whether bands come with a composite of passes (METHOD (14d)).
     fn has_composite(&self) -> bool;
 
+    /// Whether its rows come with differences of y.
+    fn has_differences(&self) -> bool {
+        false
+    }
+
     /// Some rows, with `around` rows above and below them wherever the picture has; `around` is a multiple of
     /// [`BLOCK`]. Asked for once for each band.
     ///
@@ -193,8 +198,9 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
 ) -> Result<Corrected, CorrectError<B::Error, P::Error>> {
     let taps = Taps::square(how.window_radius);
     let CorrectionSettings { isa, form, composition, strength, judged_by_held_out, .. } = *how;
-    let has_composite = frame.has_composite();
-    let composer = Composer { isa, form, taps: &taps, composition, strength, judged_by_held_out, has_composite };
+    let (has_composite, with_differences) = (frame.has_composite(), frame.has_differences());
+    let composer =
+        Composer { isa, form, taps: &taps, composition, strength, judged_by_held_out, has_composite, with_differences };
     let (height, width, exposure) = (frame.height(), frame.width(), frame.stats().exposure);
     let around = (composer.margin() + parameters.shape().radius()).next_multiple_of(BLOCK);
     let step = how.rows.unwrap_or_else(|| band_rows(width, around, parameters.networks())).next_multiple_of(BLOCK);

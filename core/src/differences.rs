@@ -6,11 +6,13 @@
 //! other way round. What a file holds is found out by its correlation with differences of the *other* half's z, whose
 //! noise is independent.
 
+use crate::objective::difference_weight;
 use crate::prepare::Prepared;
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 use std::fmt;
+use std::ops::Range;
 
 /// Differences of both halves in the method's units.
 #[derive(Clone, Debug)]
@@ -19,6 +21,9 @@ pub struct Differences {
     pub halves: [Image; 2],
     /// 1 where dx and dy are known in both halves and of pixels that count, else 0, `[2, H, W]`.
     pub known: Image,
+    /// How much more than a colour of the same pixel a difference weighs, 0 where it is not known, `[2, H, W]`
+    /// ([`crate::objective::difference_weight`]).
+    pub weight: Image,
 }
 
 /// dx and dy as read, `[3, H, W]` each.
@@ -49,35 +54,33 @@ const FLOOR: f32 = 0.1;
 const AXES: [&str; 2] = ["dx", "dy"];
 
 impl Differences {
-    /// Differences of half a and of half b as read, in the units of `prepared`; and what a person should know. None where
-    /// they are not what they claim to be.
-    pub fn new(read: &[AsRead; 2], prepared: &Prepared) -> (Option<Self>, Vec<String>) {
-        let [dx, dy] = [0, 1].map(|role| Reading::find([&read[0][role], &read[1][role]], prepared, role));
-        let mut said = Vec::new();
-        for (role, reading) in [dx, dy].iter().enumerate() {
-            if reading.correlation < LEAST_CORRELATION {
-                said.push(format!(
-                    "{} does not follow the differences of the picture (correlation {:.2}): dx and dy are not used",
-                    AXES[role], reading.correlation
-                ));
-                return (None, said);
-            }
-            if !reading.is_usual(role) {
-                said.push(format!("{} is {reading}: taken as such", AXES[role]));
-            }
-        }
-        if dx.axis == dy.axis {
-            said.push(format!("dx and dy are both differences along {}: they are not used", AXES_IN_WORDS[dx.axis]));
-            return (None, said);
-        }
-        let unknown: usize = read.iter().map(unusable).sum();
-        if unknown > 0 {
-            said.push(format!("{unknown} values of dx and dy are NaN or infinite: the term is left out there"));
-        }
-        (Some(Self::by_readings(read, prepared, [dx, dy])), said)
+    /// Differences of half a and of half b as read, in the units of `prepared`, to weigh `strength` times what their noise
+    /// deserves; and what a person should know. None where they are not what they claim to be.
+    pub fn new(read: &[AsRead; 2], prepared: &Prepared, strength: f32) -> (Option<Self>, Vec<String>) {
+        let mut search = Search::default();
+        search.look(read, prepared, 0..prepared.height());
+        let (found, said) = search.finish(strength);
+        (found.map(|readings| readings.of(read, prepared)), said)
     }
 
-    fn by_readings(read: &[AsRead; 2], prepared: &Prepared, readings: [Reading; 2]) -> Self {
+    /// Differences in the method's units, `[6, H, W]` of each half, 0 where they are not `known` `[2, H, W]`.
+    pub fn of_known(halves: [Image; 2], known: Image, prepared: &Prepared, strength: f32) -> Self {
+        let weight = difference_weight(prepared, &halves, &known, strength);
+        Self { halves, known, weight }
+    }
+}
+
+/// What dx and dy of a frame turned out to hold, and how heavily they weigh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Readings {
+    of_roles: [Reading; 2],
+    strength: f32,
+}
+
+impl Readings {
+    /// Differences of a frame, or of a band of it, of half a and of half b as read, in the units of `prepared`.
+    pub fn of(&self, read: &[AsRead; 2], prepared: &Prepared) -> Differences {
+        let Self { of_roles: readings, strength } = *self;
         let (height, width) = (prepared.height(), prepared.width());
         // The role that holds the differences along each axis.
         let role_of = |axis: usize| if readings[0].axis == axis { 0 } else { 1 };
@@ -108,7 +111,7 @@ impl Differences {
                 }
             })
         };
-        Self { halves: [half(&read[0]), half(&read[1])], known }
+        Differences::of_known([half(&read[0]), half(&read[1])], known, prepared, strength)
     }
 }
 
@@ -120,37 +123,100 @@ pub(crate) fn neighbour(axis: usize, y: usize, x: usize, height: usize, width: u
     }
 }
 
-fn unusable(half: &AsRead) -> usize {
-    half.iter().map(|image| image.data().iter().filter(|v| !v.is_finite()).count()).sum()
+/// Looks a frame's differences over, band by band, to find out what they hold.
+#[derive(Clone, Debug, Default)]
+pub struct Search {
+    /// By role and candidate ([`CANDIDATES`]), of half a and of half b.
+    sums: [[[Sums; 2]; 4]; 2],
+    unusable: usize,
 }
 
 /// Σ g d, Σ g², Σ d².
 type Sums = [f64; 3];
 
-impl Reading {
-    /// What `role` (0: dx, 1: dy) of half a and of half b holds.
-    fn find(halves: [&Image; 2], prepared: &Prepared, role: usize) -> Self {
-        let candidate = |axis: usize, is_backward: bool| {
-            let sums = [0, 1].map(|h| correlate(halves[h], prepared, 1 - h, axis, is_backward));
-            let [product, own, other] = [0, 1, 2].map(|i| sums[0][i] + sums[1][i]);
-            let correlation = if product == 0.0 { 0.0 } else { product / (own * other).sqrt() };
-            Self { axis, is_backward, is_negated: correlation < 0.0, correlation: correlation.abs() }
+/// Whether differences are along the other axis than the role says, and whether they are to the pixel before: the usual
+/// reading first.
+const CANDIDATES: [(bool, bool); 4] = [(false, false), (false, true), (true, false), (true, true)];
+
+impl Search {
+    /// Looks at `rows` of a band, from top to bottom: `read`, of half a and of half b, and `prepared` hold them, and the row
+    /// below where the picture has one.
+    pub fn look(&mut self, read: &[AsRead; 2], prepared: &Prepared, rows: Range<usize>) {
+        for (role, of_role) in self.sums.iter_mut().enumerate() {
+            for (of_candidate, (is_across, is_backward)) in of_role.iter_mut().zip(CANDIDATES) {
+                let axis = if is_across { 1 - role } else { role };
+                for (h, sums) in of_candidate.iter_mut().enumerate() {
+                    correlate(&read[h][role], prepared, 1 - h, (axis, is_backward), rows.clone(), sums);
+                }
+            }
+        }
+        let of_row = |image: &Image, y: usize| -> usize {
+            (0..3).map(|k| image.row(k, y).iter().filter(|v| !v.is_finite()).count()).sum()
         };
-        let usual = candidate(role, false);
-        let others = [candidate(role, true), candidate(1 - role, false), candidate(1 - role, true)];
+        self.unusable +=
+            read.iter().flatten().map(|image| rows.clone().map(|y| of_row(image, y)).sum::<usize>()).sum::<usize>();
+    }
+
+    /// What all rows together say, and what a person should know. None where differences are not what they claim to be.
+    pub fn finish(&self, strength: f32) -> (Option<Readings>, Vec<String>) {
+        let of_roles = [0, 1].map(|role| self.reading(role));
+        let mut said = Vec::new();
+        for (role, reading) in of_roles.iter().enumerate() {
+            if reading.correlation < LEAST_CORRELATION {
+                said.push(format!(
+                    "{} does not follow the differences of the picture (correlation {:.2}): dx and dy are not used",
+                    AXES[role], reading.correlation
+                ));
+                return (None, said);
+            }
+            if !reading.is_usual(role) {
+                said.push(format!("{} is {reading}: taken as such", AXES[role]));
+            }
+        }
+        if of_roles[0].axis == of_roles[1].axis {
+            let along = AXES_IN_WORDS[of_roles[0].axis];
+            said.push(format!("dx and dy are both differences along {along}: they are not used"));
+            return (None, said);
+        }
+        if self.unusable > 0 {
+            said.push(format!("{} values of dx and dy are NaN or infinite: the term is left out there", self.unusable));
+        }
+        (Some(Readings { of_roles, strength }), said)
+    }
+
+    /// What `role` (0: dx, 1: dy) holds.
+    fn reading(&self, role: usize) -> Reading {
+        let candidates = [0, 1, 2, 3].map(|candidate| {
+            let [a, b] = self.sums[role][candidate];
+            let [product, own, other] = [0, 1, 2].map(|i| a[i] + b[i]);
+            let correlation = if product == 0.0 { 0.0 } else { product / (own * other).sqrt() };
+            let (is_across, is_backward) = CANDIDATES[candidate];
+            let axis = if is_across { 1 - role } else { role };
+            Reading { axis, is_backward, is_negated: correlation < 0.0, correlation: correlation.abs() }
+        });
+        let [usual, others @ ..] = candidates;
         let best = others
             .into_iter()
             .fold(usual, |best, other| if other.correlation > best.correlation { other } else { best });
         if usual.correlation >= AS_GOOD * best.correlation { usual } else { best }
     }
+}
 
+impl Reading {
     fn is_usual(&self, role: usize) -> bool {
         self.axis == role && !self.is_backward && !self.is_negated
     }
 }
 
-/// Sums of products of differences `g` as read with those of half `h`'s z, both relative to z̄.
-fn correlate(g: &Image, prepared: &Prepared, h: usize, axis: usize, is_backward: bool) -> Sums {
+/// Adds, over `rows`, products of differences `g` as read with those of half `h`'s z, both relative to z̄.
+fn correlate(
+    g: &Image,
+    prepared: &Prepared,
+    h: usize,
+    (axis, is_backward): (usize, bool),
+    rows: Range<usize>,
+    sums: &mut Sums,
+) {
     let (height, width) = (prepared.height(), prepared.width());
     let z = |k: usize, (y, x): (usize, usize)| prepared.halves[h].at(DENOISED + k, y, x);
     let of_row = |y: usize| -> Sums {
@@ -173,8 +239,8 @@ fn correlate(g: &Image, prepared: &Prepared, h: usize, axis: usize, is_backward:
         }
         sums
     };
-    let rows: Vec<Sums> = (0..height).into_par_iter().map(of_row).collect();
-    rows.iter().fold([0.0; 3], |sums, row| [0, 1, 2].map(|i| sums[i] + row[i]))
+    let of_rows: Vec<Sums> = rows.into_par_iter().map(of_row).collect();
+    *sums = of_rows.iter().fold(*sums, |sums, row| [0, 1, 2].map(|i| sums[i] + row[i]));
 }
 
 const AXES_IN_WORDS: [&str; 2] = ["rows", "columns"];

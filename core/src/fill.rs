@@ -84,6 +84,7 @@ mod tests {
             variants: Vec::new(),
             composite: None,
             weights: HalfWeights::EQUAL,
+            differences: None,
         }
     }
 

@@ -5,12 +5,11 @@
 //! itself, and with it a frame is corrected as if there were no others. Which is better is judged as in
 //! [`crate::blend_weight`]: a correction d with the share s takes 2 s Σ w r·d - s² Σ w d² of the error away.
 
-use crate::blend_weight::{around, best_share, dot, limited};
-use crate::objective::own_weight;
+use crate::blend_weight::{around, best_share};
 use crate::prepare::Prepared;
+use crate::residuals::{Residual, Residuals, dot};
 use rayon::prelude::*;
 use sspc_image::Image;
-use sspc_kernels::features::DENOISED;
 
 /// The mean counts whole where it takes away this part of what the first correction does, or more, and not at all at the
 /// first of both: half of what a good mean gains is noise of the judgement.
@@ -53,27 +52,19 @@ pub(crate) fn choose(prepared: &Prepared, first: &[Image; 2], mean: &[Image; 2])
 /// product.
 fn sums(prepared: &Prepared, first: &[Image; 2], mean: &[Image; 2]) -> [Image; 5] {
     let (height, width) = (prepared.height(), prepared.width());
-    let weights = [0, 1].map(|h| own_weight(prepared, h));
+    let residuals = Residuals::new(prepared);
     let mut sums = Image::zeros(5, height, width);
     let mut planes = sums.all_planes_mut().map(|plane| plane.par_chunks_mut(width.max(1)));
     let [a, b, c, d, e] = std::array::from_fn(|_| planes.next().expect("five planes"));
     a.zip(b).zip(c).zip(d).zip(e).enumerate().for_each(
         |(y, ((((of_first, of_mean), first_size), mean_size), both))| {
-            for h in 0..2 {
-                let weight = weights[h].row(0, y);
-                let z = [0, 1, 2].map(|k| prepared.halves[h].row(DENOISED + k, y));
-                let target = [0, 1, 2].map(|k| prepared.target_row(h, k, y));
-                let [first, mean] = [first, mean].map(|halves| [0, 1, 2].map(|k| halves[h].row(k, y)));
-                for x in 0..width {
-                    let [r, p, q] = [target, first, mean].map(|of| [0, 1, 2].map(|k| of[k][x] - z[k][x]));
-                    let r = limited(r, weight[x]);
-                    of_first[x] += weight[x] * dot(r, p);
-                    of_mean[x] += weight[x] * dot(r, q);
-                    first_size[x] += weight[x] * dot(p, p);
-                    mean_size[x] += weight[x] * dot(q, q);
-                    both[x] += weight[x] * dot(p, q);
-                }
-            }
+            residuals.of_row(y, [first, mean], |Residual { x, weight, r, d: [p, q] }| {
+                of_first[x] += weight * dot(r, p);
+                of_mean[x] += weight * dot(r, q);
+                first_size[x] += weight * dot(p, p);
+                mean_size[x] += weight * dot(q, q);
+                both[x] += weight * dot(p, q);
+            });
         },
     );
     [0, 1, 2, 3, 4].map(|c| Image::from_planes(1, height, width, sums.plane(c).to_vec()))

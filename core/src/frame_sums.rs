@@ -3,6 +3,9 @@
 //! **Loss** (Eq. 9): Σ ½ w^h ‖x^h - y‖² over both halves, y the other half's, w^h by the own half's z
 //! ([`crate::objective::own_weight`]); **gain**, the difference of two losses.
 //!
+//! Differences of y that a gradient-domain renderer gives have no part in it: they see nothing of low frequencies, and of a
+//! frame that lost 9 % of its light they said that it is better.
+//!
 //! **Error** of the mean of both halves: ½ Σ_h ‖x^h - y‖² - σ² + (w_a - ½) Δ - w_a w_b ‖x^a - x^b‖² over a squared brightness,
 //! with the halves' weights w and Δ = x^a·(x^a - 2 y^b) - x^b·(x^b - 2 y^a). Finished and
 //! denoised picture stand in for the reference there: they are made of both halves alike. Under a weight made of the half

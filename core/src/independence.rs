@@ -291,7 +291,15 @@ pub(crate) mod tests {
             visibility: None,
         };
         let [a, b] = y.map(half);
-        Frame { a, b, denoised: None, variants: Vec::new(), composite: None, weights: HalfWeights::EQUAL }
+        Frame {
+            a,
+            b,
+            denoised: None,
+            variants: Vec::new(),
+            composite: None,
+            weights: HalfWeights::EQUAL,
+            differences: None,
+        }
     }
 
     pub(crate) fn measured(frame: &Frame) -> Independence {

@@ -14,6 +14,7 @@
 //! | [`objective`] | the self-supervised loss (Eqs. 8, 9) of training tiles, and its gradient |
 //! | [`tiles`] | features to parameters, tile by tile |
 //! | [`corrector`] | parameters to g_c over a picture |
+//! | `residuals` | what a correction is judged by: y of the other half, and its differences |
 //! | `blend_weight` | how much of a correction is kept, pixel by pixel |
 //! | [`first_or_mean`] | of several networks, the mean or the first |
 //! | `outlier_limit` | fireflies that only the full buffer has |
@@ -53,6 +54,7 @@ pub mod outlier_limit;
 pub mod passes;
 pub mod plan;
 pub mod prepare;
+mod residuals;
 pub mod rng;
 pub mod same_scene;
 mod shared_noise;

@@ -33,7 +33,7 @@ pub struct Prepared {
     pub composite: Option<Arc<Variant>>,
     /// What each half weighs in means of both.
     pub weights: HalfWeights,
-    /// Differences of y that the renderer estimated, to train on.
+    /// Differences of y that the renderer estimated, to train on and to judge by.
     pub differences: Option<Arc<Differences>>,
     /// What of the picture is computed.
     pub plan: Plan,
@@ -107,7 +107,7 @@ impl Prepared {
         let valid = validity(&frame);
         let present = Role::FEATURES.map(|feature| presence(&frame, feature));
         let baseline = baseline(&frame).into_owned();
-        let Frame { a, b, denoised, variants, composite, weights } = frame;
+        let Frame { a, b, denoised, variants, composite, weights, .. } = frame;
         drop(denoised);
         let ground = [&a.denoised, &b.denoised, &baseline];
         let of = |variant| Arc::new(Variant::new(&variant, ground, weights, stats.exposure, &valid));

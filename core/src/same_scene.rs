@@ -257,7 +257,15 @@ mod tests {
             HalfBuffer { denoised: radiance.clone(), radiance, albedo: None, normal: None, visibility: None }
         };
         let (a, b) = (half(0, &mut rng), half(1, &mut rng));
-        Frame { a, b, denoised: None, variants: Vec::new(), composite: None, weights: HalfWeights::EQUAL }
+        Frame {
+            a,
+            b,
+            denoised: None,
+            variants: Vec::new(),
+            composite: None,
+            weights: HalfWeights::EQUAL,
+            differences: None,
+        }
     }
 
     fn places(frame: &Frame) -> Option<DifferentPlaces> {

@@ -5,9 +5,9 @@
 //! least that was seen), of pictures that are black, grey, blurred, upside down or of another frame of the shot -0.004 to 0.0013
 //! (sixteen cases): their error is many times that of z.
 
-use crate::blend_weight::{dot, limited};
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
+use crate::residuals::{dot, limited};
 use rayon::prelude::*;
 use sspc_kernels::features::DENOISED;
 

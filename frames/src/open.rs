@@ -217,9 +217,14 @@ impl OpenFrame {
     /// # Panics
     /// When the rows leave the picture, and when denoised halves are neither in the files nor supplied.
     pub fn rows(&self, rows: Range<usize>) -> Result<Frame, Error> {
-        // Motion is of shots, differences are of training.
-        let is_other = |role| matches!(role, Role::Motion | Role::Dx | Role::Dy);
-        let mut images = self.decode(rows.clone(), |filled| !is_other(filled.role))?;
+        // Motion is of shots.
+        let with_differences = Role::DIFFERENCES.iter().all(|role| self.has(*role, Buffer::A));
+        let is_wanted = |role: Role| match role {
+            Role::Motion => false,
+            Role::Dx | Role::Dy => with_differences,
+            _ => true,
+        };
+        let mut images = self.decode(rows.clone(), |filled| is_wanted(filled.role))?;
         let made = |picture: &CompactImage| picture.rows(rows.clone());
         let further = self.further_in_files();
         let mut variants: Vec<DenoisedVariant> = Vec::new();
@@ -245,7 +250,9 @@ impl OpenFrame {
             variants.insert(0, DenoisedVariant { halves: first, full: denoised.clone() });
         }
         let composite = self.made.composite.as_ref().map(|composite| composite.rows(&rows));
-        Ok(Frame { a, b, denoised, variants, composite, weights: self.weights() })
+        let mut of_half = |half| Some([images.remove(&(Role::Dx, half, 0))?, images.remove(&(Role::Dy, half, 0))?]);
+        let differences = of_half(Buffer::A).zip(of_half(Buffer::B)).map(|(a, b)| [a, b]);
+        Ok(Frame { a, b, denoised, variants, composite, weights: self.weights(), differences })
     }
 
     /// Some rows of one role of a buffer, values as in the files; `None` where they do not hold it.
@@ -293,6 +300,16 @@ impl OpenFrame {
         let halves = self.denoised_rows(Buffer::A, rows.clone())?.into_iter().zip(self.denoised_rows(Buffer::B, rows)?);
         let means = halves.map(|(a, b)| self.weights().mean_of(&a, &b));
         Ok(pictures.into_iter().zip(means).map(|(own, mean)| own.unwrap_or(mean)).collect())
+    }
+
+    /// What a person should know of differences of y of which only one direction is there.
+    pub fn note_on_differences(&self) -> Option<String> {
+        let (there, missing) = match Role::DIFFERENCES.map(|role| self.has(role, Buffer::A)) {
+            [true, false] => ("dx", "dy"),
+            [false, true] => ("dy", "dx"),
+            _ => return None,
+        };
+        Some(format!("{there} is there and {missing} is not: differences are not used"))
     }
 
     /// Whether both halves have motion.

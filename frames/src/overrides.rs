@@ -114,7 +114,7 @@ impl RoleOverrides {
         Self { with_motion: true, ..self }
     }
 
-    /// The same, with differences of y looked for as well: frames that are trained on.
+    /// The same, with differences of y looked for as well: frames that are fitted or corrected with them.
     pub fn with_differences(self) -> Self {
         Self { with_differences: true, ..self }
     }

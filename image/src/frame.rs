@@ -67,6 +67,8 @@ pub struct Frame {
     pub composite: Option<DenoisedVariant>,
     /// What each half weighs in means of both.
     pub weights: HalfWeights,
+    /// dx and dy of half a and of half b, `[3, H, W]` each, where they are asked for and both halves have both.
+    pub differences: Option<[[Image; 2]; 2]>,
 }
 
 impl DenoisedVariant {
@@ -123,6 +125,10 @@ impl Frame {
             variants: self.variants.iter().map(|variant| variant.rows(top, height)).collect(),
             composite: self.composite.as_ref().map(|composite| composite.rows(top, height)),
             weights: self.weights,
+            differences: self.differences.as_ref().map(|halves| {
+                let cut = |image: &Image| image.crop(top, 0, height, image.width());
+                halves.each_ref().map(|half| half.each_ref().map(cut))
+            }),
         }
     }
 
@@ -143,6 +149,7 @@ impl Frame {
             variants: Vec::new(),
             composite: None,
             weights: self.weights,
+            differences: None,
         }
     }
 

@@ -59,6 +59,9 @@ fn describe(model: &Model, kind: GraphKind) -> String {
         ("fitted by", or_unknown(&c.tool)),
         ("preset", format!("{}, {} steps, seed {}", or_unknown(&c.preset), c.steps, c.seed)),
     ];
+    if c.differences > 0.0 {
+        lines.push(("differences", format!("dx and dy judge too, {} times what their noise deserves", c.differences)));
+    }
     let extra: Vec<(&str, String)> = c.extra.iter().map(|(k, v)| (k.as_str(), v.clone())).collect();
     lines.extend(extra);
     lines.iter().map(|(key, value)| format!("{key:<12} {}\n", printable(value))).collect()

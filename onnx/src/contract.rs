@@ -18,6 +18,8 @@ pub const CONTRACT_VERSION: u32 = 1;
 pub const SEVERAL_NETWORKS_VERSION: u32 = 2;
 /// The version of a contract whose z is a temporal mean over neighbouring frames, with any number of networks.
 pub const SHOT_VERSION: u32 = 3;
+/// The version of a contract whose correction is judged by differences of y too, with any number of networks and frames.
+pub const DIFFERENCES_VERSION: u32 = 4;
 /// Most neighbouring frames on each side.
 pub const MAX_EXTRA_FRAMES: usize = 4;
 /// Most networks that the reader accepts.
@@ -26,6 +28,8 @@ pub const MAX_NETWORKS: usize = 8;
 pub const MAX_LAYERS: usize = 32;
 /// Largest sizes that the kernels support.
 pub(crate) const MAX_HIDDEN: usize = MAX_CHANNELS;
+/// Heaviest that differences may weigh.
+pub(crate) const MAX_DIFFERENCES: f32 = 100.0;
 pub(crate) const MAX_WINDOW_RADIUS: usize = MAX_RADIUS;
 
 /// What the graphs apply to the last convolution's outputs o.
@@ -86,6 +90,8 @@ pub struct Contract {
     pub networks: usize,
     /// Neighbouring frames on each side whose warped mean stands in the place of z; 0 where z is the frame's own.
     pub extra_frames: usize,
+    /// How heavily differences of y weigh, beside what their noise deserves, in what the correction is judged by; 0: not.
+    pub differences: f32,
     /// Radius of the square window of g_c, pixels.
     pub window_radius: usize,
     /// How our own programs compose the picture; the image graph returns the mean of the halves.
@@ -117,6 +123,7 @@ impl Contract {
             shape: Shape::paper(form),
             networks: 1,
             extra_frames: 0,
+            differences: 0.0,
             window_radius: PAPER_RADIUS,
             composition: match form {
                 Form::Paper => Composition::MeanOfHalves,
@@ -135,6 +142,9 @@ impl Contract {
 
     /// The version that states it.
     pub fn version(&self) -> u32 {
+        if self.differences > 0.0 {
+            return DIFFERENCES_VERSION;
+        }
         match (self.extra_frames, self.networks) {
             (0, 1) => CONTRACT_VERSION,
             (0, _) => SEVERAL_NETWORKS_VERSION,

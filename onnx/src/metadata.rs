@@ -45,10 +45,13 @@ pub(crate) fn write(contract: &Contract) -> Vec<StringStringEntryProto> {
     let networks = (contract.networks > 1).then(|| (format!("{PREFIX}networks"), contract.networks.to_string()));
     let frames = contract.extra_frames;
     let extra_frames = (frames > 0).then(|| (format!("{PREFIX}extra_frames"), frames.to_string()));
+    let differences = contract.differences;
+    let differences = (differences > 0.0).then(|| (format!("{PREFIX}differences"), differences.to_string()));
     let extra = contract.extra.iter().map(|(k, v)| (format!("{EXTRA}{k}"), v.clone()));
     extra
         .chain(networks)
         .chain(extra_frames)
+        .chain(differences)
         .chain(required)
         .map(|(key, value)| StringStringEntryProto { key: Some(key), value: Some(value) })
         .collect()
@@ -69,7 +72,17 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
             let networks = if entries.has("networks") { entries.within("networks", 2, MAX_NETWORKS)? } else { 1 };
             (networks, entries.within("extra_frames", 1, MAX_EXTRA_FRAMES)?)
         }
-        version => return Err(Error::Version { expected: SHOT_VERSION, found: shown(version) }),
+        version if version == DIFFERENCES_VERSION.to_string() => {
+            let networks = if entries.has("networks") { entries.within("networks", 2, MAX_NETWORKS)? } else { 1 };
+            let frames =
+                if entries.has("extra_frames") { entries.within("extra_frames", 1, MAX_EXTRA_FRAMES)? } else { 0 };
+            (networks, frames)
+        }
+        version => return Err(Error::Version { expected: DIFFERENCES_VERSION, found: shown(version) }),
+    };
+    let differences = match entries.text("contract")? {
+        version if version == DIFFERENCES_VERSION.to_string() => entries.differences()?,
+        _ => 0.0,
     };
     let form = match entries.text("form")? {
         "paper" => Form::Paper,
@@ -99,6 +112,7 @@ pub(crate) fn read(entries: &[StringStringEntryProto]) -> Result<Contract, Error
         shape,
         networks,
         extra_frames,
+        differences,
         window_radius: entries.within("window_radius", 1, MAX_WINDOW_RADIUS)?,
         composition: match entries.text("composition")? {
             "mean-of-halves" => Composition::MeanOfHalves,
@@ -165,6 +179,15 @@ impl<'a> Entries<'a> {
             .ok()
             .filter(|n| (low..=high).contains(n))
             .ok_or_else(|| key_error(key, format!("a whole number in {low}..={high}"), text))
+    }
+
+    fn differences(&self) -> Result<f32, Error> {
+        let text = self.text("differences")?;
+        let usable = |s: &f32| *s > 0.0 && *s <= MAX_DIFFERENCES;
+        text.parse()
+            .ok()
+            .filter(usable)
+            .ok_or_else(|| key_error("differences", format!("a number above 0, at most {MAX_DIFFERENCES}"), text))
     }
 
     fn frames(&self) -> Result<Vec<String>, Error> {

@@ -89,7 +89,8 @@ impl Request {
         let InspectedFrame { frame, stats, mut warnings, .. } = frame.frame()?.inspect(settings.exposure)?;
         let stats = stats.with_features_of(settings.features);
         check_signals()?;
-        let (mut prepared, _) = prepare(frame, &stats, &settings);
+        let (mut prepared, _, said) = prepare(frame, &stats, &settings);
+        warnings.extend(said);
         warnings.extend(leave_out_useless(slice::from_mut(&mut prepared), warm.is_some(), 0));
         check_signals()?;
         let initial = initial_networks(warm, &mut settings, slice::from_ref(&prepared))?;
@@ -98,7 +99,7 @@ impl Request {
             if watch.stops(|py| self.tell(py, record)) { Control::Stop } else { Control::Continue }
         });
         watch.finish()?;
-        let model = fitted_model(&settings, &fitted, prepared.set, Vec::new(), TOOL)?;
+        let model = fitted_model(&settings, &fitted, prepared.set, prepared.differences.is_some(), Vec::new(), TOOL)?;
         let known = Known { size: (prepared.height(), prepared.width()), stats, skipped: skipped(&prepared), warnings };
         Model::fitted(model, &FitReport::new(isa, settings, known, &fitted))
     }

@@ -4,7 +4,7 @@ use crate::arrays;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyDict, PyList};
-use sspc_arrays::frame::{GivenFrame, PICTURES, name};
+use sspc_arrays::frame::{DIFFERENCES, GivenFrame, PICTURES, name};
 use sspc_cli::Failure;
 use sspc_image::{DenoisedVariant, Image};
 use std::collections::BTreeMap;
@@ -46,7 +46,7 @@ impl Arrays {
         let image = |bytes: &PyBackedBytes, channels| arrays::image(bytes, channels, height, width);
         let mut frame = GivenFrame::default();
         samples.map_or(Ok(()), |samples| frame.weigh(samples))?;
-        for (role, buffer) in PICTURES {
+        for (role, buffer) in PICTURES.into_iter().chain(DIFFERENCES) {
             if let Some(bytes) = arrays.remove(&name(role, buffer)) {
                 frame.put(role, buffer, image(&bytes, role.channels()));
             }

@@ -102,6 +102,10 @@ def fit(
     normal_b: Array | None = None,
     visibility_a: Array | None = None,
     visibility_b: Array | None = None,
+    dx_a: Array | None = None,
+    dx_b: Array | None = None,
+    dy_a: Array | None = None,
+    dy_b: Array | None = None,
     samples: tuple[float, float] | None = None,
     preset: Preset = "balanced",
     seed: int = 1,
@@ -116,7 +120,9 @@ def fit(
     Radiance `a`, `b` and the denoised pictures are (height, width, 3), albedo 0..1 and normal -1..1 too; visibility is
     (height, width) or (height, width, 1), 0..1. Without `denoised`, the mean of both denoised halves is corrected.
     `denoised_more` holds further pictures that denoisers made of the same halves, each as (half a, half b) or (half a,
-    half b, full buffer), as `--denoised-more` does: a network is fitted on each. `samples` are the samples per pixel of
+    half b, full buffer), as `--denoised-more` does: a network is fitted on each. `dx_a` to `dy_b` are a gradient-domain
+    renderer's differences to the pixel on the right and below, (height, width, 3), which `settings={"differences": 1}`
+    trains on. `samples` are the samples per pixel of
     half a and half b, where they differ: what each weighs in means of both, as `--samples-a` and `--samples-b` say.
     `settings` changes single settings of the preset, as `--set` does. `init` is a model to start from, e.g. that of the
     previous frame. `progress` is called after every step; what it raises stops the fit and comes through, and so does
@@ -138,6 +144,10 @@ def fit(
         normal_b=normal_b,
         visibility_a=visibility_a,
         visibility_b=visibility_b,
+        dx_a=dx_a,
+        dx_b=dx_b,
+        dy_a=dy_a,
+        dy_b=dy_b,
     )
     model = Model(
         _native.fit(
@@ -188,6 +198,10 @@ class Model:
         normal_b: Array | None = None,
         visibility_a: Array | None = None,
         visibility_b: Array | None = None,
+        dx_a: Array | None = None,
+        dx_b: Array | None = None,
+        dy_a: Array | None = None,
+        dy_b: Array | None = None,
         samples: tuple[float, float] | None = None,
         strength: float = 1.0,
     ) -> Result[Array]:
@@ -213,6 +227,10 @@ class Model:
             normal_b=normal_b,
             visibility_a=visibility_a,
             visibility_b=visibility_b,
+            dx_a=dx_a,
+            dx_b=dx_b,
+            dy_a=dy_a,
+            dy_b=dy_b,
         )
         picture, share, text = self._native.correct(frame, strength)
         report = json.loads(text)

@@ -11,7 +11,7 @@ import pytest
 import sspc
 
 SAMPLE = Path(__file__).resolve().parents[2] / "tests" / "data" / "sample"
-LAYERS = {"denoised": "RGB", "albedo": "RGB", "normal": "XYZ", "visibility": "Y"}
+LAYERS = {"denoised": "RGB", "albedo": "RGB", "normal": "XYZ", "visibility": "Y", "dx": "RGB", "dy": "RGB"}
 
 
 def pytest_configure(config):
@@ -36,6 +36,17 @@ def make_frame(height=40, width=56, seed=0, noise=0.3):
         frame[f"visibility_{half}"] = (x + y > 30).astype(np.float32) + 0.1 * random.random((height, width))
     frame["denoised"] = (frame["denoised_a"] + frame["denoised_b"]) / 2
     return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in frame.items()}
+
+
+def make_differences(height=40, width=56, noise=0.02):
+    """dx and dy of both halves of `make_frame`, with a little noise of their own."""
+    random = np.random.default_rng(5)
+    y, x = np.mgrid[0 : height + 1, 0 : width + 1].astype(np.float32)
+    albedo = 0.5 + 0.3 * np.stack([np.sin(x / 2), np.cos(y / 3), np.sin((x + y) / 4)], axis=-1)
+    truth = albedo * (0.4 + 0.3 * np.cos(x / 20)[..., None])
+    right, below = truth[:-1, 1:] - truth[:-1, :-1], truth[1:, :-1] - truth[:-1, :-1]
+    given = {f"d{axis}_{half}": plane for half in "ab" for axis, plane in (("x", right), ("y", below))}
+    return {name: np.float32(plane + noise * random.standard_normal(plane.shape)) for name, plane in given.items()}
 
 
 def write_frame(folder, frame):

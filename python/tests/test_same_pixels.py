@@ -6,7 +6,7 @@ import re
 import numpy as np
 import onnx
 import pytest
-from conftest import make_frame, read_exr, run, same_bits, write_exr, write_frame
+from conftest import make_differences, make_frame, read_exr, run, same_bits, write_exr, write_frame
 from onnx import numpy_helper
 
 import sspc
@@ -72,6 +72,29 @@ def test_fit_and_correct_are_the_programs(name, tmp_path, frame):
     for key in ("estimate", "loss", "model_loss", "mean_share", "active_share", "exposure", "found", "independence"):
         assert result.report[key] == sidecar[key], key
     assert result.report["warnings"] == sidecar["warnings"]
+
+
+def test_differences_are_used_as_the_programs_use_them(tmp_path, frame):
+    case = {"steps": 12, "settings": {"differences": 1}}
+    frame = frame | make_differences()
+    arguments = write_frame(tmp_path, frame)
+    picture, file, _ = fitted(tmp_path, arguments, *options(case))
+    model = sspc.fit(**frame, **case)
+    result = model.correct(**frame)
+    assert result.fallback is None and same_bits(result.picture, picture)
+    by_run, sidecar = corrected(tmp_path, arguments, file)
+    assert same_bits(by_run, picture) and result.report["warnings"] == sidecar["warnings"]
+    # A frame without them is judged by its colours, and one with some of them too; both are said.
+    partial = {name: array for name, array in frame.items() if name not in ("dx_a", "dy_a")}
+    with pytest.warns(sspc.FrameWarning, match="this frame has no dx and dy"):
+        without = model.correct(**make_frame())
+    assert not same_bits(without.picture, picture)
+    with pytest.warns(sspc.FrameWarning, match="expected dx_a, dx_b, dy_a and dy_b"):
+        assert same_bits(model.correct(**partial).picture, without.picture)
+    # Unless they are asked for, they change nothing.
+    with pytest.warns(sspc.FrameWarning, match="given and not used"):
+        unasked = sspc.fit(**frame, steps=12)
+    assert same_bits(unasked.correct(**frame).picture, sspc.fit(**make_frame(), steps=12).correct(**frame).picture)
 
 
 def test_the_sample_with_default_settings(tmp_path, sample):

@@ -133,7 +133,15 @@ pub fn frame_of(halves: &[Image; 2]) -> Frame {
         visibility: Some(planes(features, VISIBILITY, 1)),
     };
     let [a, b] = halves.each_ref().map(half);
-    Frame { a, b, denoised: None, variants: Vec::new(), composite: None, weights: HalfWeights::EQUAL }
+    Frame {
+        a,
+        b,
+        denoised: None,
+        variants: Vec::new(),
+        composite: None,
+        weights: HalfWeights::EQUAL,
+        differences: None,
+    }
 }
 
 /// Planes `first..first + count`.

@@ -109,7 +109,7 @@ fn objective_of(prepared: &Prepared, base: &Prepared, settings: &Settings) -> Ob
         Denominator::OtherHalf => paper,
         Denominator::OwnHalf => paper.with_own_weight(base),
     };
-    let weighed = weighed.with_differences(base, settings.difference_strength);
+    let weighed = weighed.with_differences(base);
     if settings.leaves_pixels_out(prepared.height(), prepared.width()) { weighed.without_held_out() } else { weighed }
 }
 

@@ -3,11 +3,12 @@
 use crate::fits::Fits;
 use crate::preset::Settings;
 use sspc_cli::{Code, Failure};
+use sspc_core::composition::Composition;
 use sspc_kernels::features::FeatureSet;
 use sspc_onnx::{Contract, Model};
 
 /// The model of a fit: `features` are those of its frames together, `frames` their names, `tool` the program that fitted
-/// it and its version.
+/// it and its version; `with_differences`: a frame had differences of y.
 ///
 /// # Errors
 /// When the weights do not fit the contract, which training rules out.
@@ -15,6 +16,7 @@ pub fn fitted_model(
     settings: &Settings,
     fitted: &Fits,
     features: FeatureSet,
+    with_differences: bool,
     frames: Vec<String>,
     tool: &str,
 ) -> Result<Model, Failure> {
@@ -24,6 +26,10 @@ pub fn fitted_model(
     contract.exposure = settings.exposure;
     contract.composition = settings.composition;
     contract.features = features;
+    // Without a judgement they are of training alone.
+    if with_differences && settings.composition == Composition::JudgedFullBuffer {
+        contract.differences = settings.difference_strength;
+    }
     contract.seed = settings.seed;
     contract.frames = frames;
     contract.tool = tool.into();

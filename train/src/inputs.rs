@@ -7,10 +7,11 @@ use sspc_cli::reading::{ReadFrame, Source};
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_cli::shot::{Residence, Shot, ShotFrame};
 use sspc_cli::{DenoiserReport, Denoising, Failure, FrameJob};
-use sspc_core::differences::{AsRead, Differences};
+use sspc_core::differences::Differences;
 use sspc_core::fill::values_from_sources;
 use sspc_core::frame_stats::FrameStats;
 use sspc_core::prepare::{Prepared, baseline};
+use sspc_frames::overrides::Choice;
 use sspc_frames::preview::{Rgb8, auto_exposure, spotlight, tone_map};
 use sspc_frames::read::Like;
 use sspc_frames::samples::HalfSamples;
@@ -48,6 +49,8 @@ pub struct Input {
     pub stats: FrameStats,
     /// Features in use.
     pub features: FeatureSet,
+    /// Whether differences of y are in use.
+    pub with_differences: bool,
     /// What is left out, and why.
     pub skipped: Vec<Skipped>,
     /// The picture that the correction is added to, in the frame's units, `[3, H, W]`.
@@ -108,13 +111,20 @@ pub fn read(
     passes: &PassArgs,
 ) -> Result<(Input, Prepared), Failure> {
     let FrameJob { number, files } = job;
-    let overrides = &overrides.clone().with_differences();
+    let with_differences = settings.difference_strength > 0.0;
+    let overrides = &if with_differences { overrides.clone().with_differences() } else { overrides.clone() };
     let in_shot = shot.zip(number);
     let mut open = match in_shot {
         Some((shot, number)) => shot.open(number, overrides)?,
         None => OpenFrame::open_to_denoise(&files, overrides)?,
     };
-    let (differences, said) = as_read(&open, settings)?;
+    let mut said: Vec<String> = open.note_on_differences().into_iter().collect();
+    let is_named = |role| {
+        [Buffer::A, Buffer::B].iter().any(|half| matches!(overrides.get(role, *half), Some(Choice::From { .. })))
+    };
+    if !with_differences && Role::DIFFERENCES.into_iter().any(is_named) {
+        said.push("dx and dy are named and not used: --set differences=1 trains on them".to_string());
+    }
     let mut output = open.output()?;
     let mut passes = passes.find(&open, denoising)?;
     if let Some(passes) = &passes {
@@ -132,7 +142,6 @@ pub fn read(
     if let Some(composite) = passes.as_mut().and_then(FramePasses::take_composite) {
         source.set_composite(composite);
     }
-    warnings.extend(said);
     let Source::Held(frame) = source else { unreachable!("a frame that is held") };
     let reference = files.reference.as_ref().map(|path| read_reference(path, Some(like))).transpose()?;
     let stats = stats.with_features_of(settings.features);
@@ -150,12 +159,9 @@ pub fn read(
         let ground = baseline(&frame);
         spotlight(&ground, &places.map(ground.height(), ground.width()), shown_exposure)
     });
-    let (mut prepared, denoised) = prepare(*frame, &stats, settings);
-    if let Some(read) = differences {
-        let (differences, said) = Differences::new(&read, &prepared);
-        prepared.differences = differences.map(Arc::new);
-        warnings.extend(said);
-    }
+    let (prepared, denoised, of_differences) = prepare(*frame, &stats, settings);
+    said.extend(of_differences);
+    warnings.extend(said);
     let input = Input {
         name: files.a.display().to_string(),
         frame_number: number,
@@ -170,6 +176,7 @@ pub fn read(
         neighbours,
         stats,
         features: prepared.set,
+        with_differences: prepared.differences.is_some(),
         skipped: skipped(&prepared),
         denoised,
         fill,
@@ -182,34 +189,25 @@ pub fn read(
     Ok((input, prepared))
 }
 
-/// Differences of y of half a and of half b, where the files have them and the settings use them; and what a person
-/// should know.
-fn as_read(open: &OpenFrame, settings: &Settings) -> Result<(Option<[AsRead; 2]>, Vec<String>), Failure> {
-    let has = Role::DIFFERENCES.map(|role| open.has(role, Buffer::A));
-    if settings.difference_strength == 0.0 || has == [false, false] {
-        return Ok((None, Vec::new()));
-    }
-    if has != [true, true] {
-        let (there, missing) = if has[0] { ("dx", "dy") } else { ("dy", "dx") };
-        return Ok((None, vec![format!("{there} is there and {missing} is not: differences are not used")]));
-    }
-    let all = 0..open.height();
-    let rows = |role, half| open.role_rows(role, half, all.clone());
-    let of_half = |half| Ok::<_, Failure>(rows(Role::Dx, half)?.zip(rows(Role::Dy, half)?).map(|(dx, dy)| [dx, dy]));
-    let halves = of_half(Buffer::A)?.zip(of_half(Buffer::B)?);
-    Ok((halves.map(|(a, b)| [a, b]), Vec::new()))
-}
-
 /// A frame in the method's units, with the features and the skips that the settings allow; and the picture `[3, H, W]`
-/// that its correction is added to, in the frame's own. Features kept without need stay zeros, so that the picture is
-/// the same.
-pub fn prepare(frame: Frame, stats: &FrameStats, settings: &Settings) -> (Prepared, Image) {
+/// that its correction is added to, in the frame's own; and what a person should know of differences of y, where the settings
+/// use them. Features kept without need stay zeros, so that the picture is the same.
+pub fn prepare(mut frame: Frame, stats: &FrameStats, settings: &Settings) -> (Prepared, Image, Vec<String>) {
+    let (differences, strength, mut said) = (frame.differences.take(), settings.difference_strength, Vec::new());
+    if differences.is_some() && strength == 0.0 {
+        said.push("dx and dy are given and not used: the setting differences=1 trains on them".to_string());
+    }
     let (mut prepared, denoised) = Prepared::of_owned(frame, stats);
+    if let Some(read) = differences.filter(|_| strength > 0.0) {
+        let (differences, notes) = Differences::new(&read, &prepared, strength);
+        prepared.differences = differences.map(Arc::new);
+        said = notes;
+    }
     if !settings.composition.skips_still_blocks() || !settings.skip.blocks {
         prepared = prepared.without_skips(stats);
     }
     if !settings.skip.features {
         prepared.set = settings.features;
     }
-    (prepared, denoised)
+    (prepared, denoised, said)
 }

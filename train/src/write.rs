@@ -150,8 +150,15 @@ pub fn write_outputs(
 fn model(&Written { shot, settings, inputs, fitted, .. }: &Written) -> Result<Model, Failure> {
     let features = inputs.iter().fold(FeatureSet::NONE, |all, input| all.union(input.features));
     let frames = inputs.iter().map(|i| i.name.clone()).collect();
-    let mut model =
-        fitted_model(settings, fitted, features, frames, concat!("sspc-train ", env!("CARGO_PKG_VERSION")))?;
+    let with_differences = inputs.iter().any(|input| input.with_differences);
+    let mut model = fitted_model(
+        settings,
+        fitted,
+        features,
+        with_differences,
+        frames,
+        concat!("sspc-train ", env!("CARGO_PKG_VERSION")),
+    )?;
     if let Some(made) = &inputs[0].denoiser {
         model.contract.extra.insert(UnaskedModes::KEY.into(), made.kept().to_string());
     }

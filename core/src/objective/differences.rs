@@ -25,14 +25,11 @@ const HEAVIEST: f32 = 10.0;
 
 impl DifferenceTarget {
     /// What differences of half `h` are compared with. `colour` is the weight of its colours, `[1, H, W]`; a difference
-    /// weighs `strength` times that, times the variance of y over that of the difference.
-    pub fn new(prepared: &Prepared, given: &Differences, h: usize, colour: &Image, strength: f32) -> Self {
-        let (height, width) = (prepared.height(), prepared.width());
-        let weight = Image::from_rows(2, height, width, |axis, y, row| {
-            for (x, weight) in row.iter_mut().enumerate() {
-                let known = given.known.at(axis, y, x);
-                *weight = known * colour.at(0, y, x) * strength * quietness(prepared, given, axis, y, x).min(HEAVIEST);
-            }
+    /// weighs that times its own ([`difference_weight`]).
+    pub fn new(given: &Differences, h: usize, colour: &Image) -> Self {
+        let weight = Image::from_rows(2, colour.height(), colour.width(), |axis, y, row| {
+            let of_both = given.weight.row(axis, y).iter().zip(colour.row(0, y));
+            row.iter_mut().zip(of_both).for_each(|(weight, (own, colour))| *weight = own * colour);
         });
         Self { target: given.halves[1 - h].clone(), weight }
     }
@@ -49,25 +46,40 @@ impl DifferenceTarget {
     }
 }
 
-/// The variance of y over that of a difference, around a pixel and without it. Outliers make it smaller in both: the mean
-/// of |y^a - y^b| is squared, that of differences is one of squares.
-fn quietness(prepared: &Prepared, given: &Differences, axis: usize, y: usize, x: usize) -> f32 {
-    let (height, width) = (prepared.height(), prepared.width());
-    let (mut of_y, mut of_differences, mut count) = (0.0f32, 0.0f32, 0.0f32);
-    for y_at in y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(height) {
-        for x_at in x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width) {
-            if (y_at, x_at) == (y, x) || given.known.at(axis, y_at, x_at) == 0.0 {
-                continue;
-            }
-            let apart = |images: [&Image; 2], c: usize| images[0].at(c, y_at, x_at) - images[1].at(c, y_at, x_at);
-            let [a, b] = [&*prepared.halves[0], &*prepared.halves[1]];
-            of_y += (0..3).map(|k| apart([a, b], RADIANCE + k).abs()).sum::<f32>() / 3.0;
-            let [a, b] = [&given.halves[0], &given.halves[1]];
-            of_differences += (0..3).map(|k| apart([a, b], 3 * axis + k).powi(2)).sum::<f32>() / 3.0;
-            count += 1.0;
+/// What differences of both halves `[6, H, W]` weigh beside a colour, `[2, H, W]`: `strength` times the variance of y over that
+/// of a difference, around a pixel and without it, at most [`HEAVIEST`] times; 0 where they are not `known` `[2, H, W]`.
+///
+/// Outliers make it smaller in both: the mean of |y^a - y^b| is squared, that of differences is one of squares.
+pub fn difference_weight(prepared: &Prepared, halves: &[Image; 2], known: &Image, strength: f32) -> Image {
+    let (height, width) = (known.height(), known.width());
+    let [a, b] = [0, 1].map(|h| &*prepared.halves[h]);
+    let of_y = Image::from_rows(1, height, width, |_, y, row| {
+        for (x, apart) in row.iter_mut().enumerate() {
+            *apart = (RADIANCE..RADIANCE + 3).map(|c| (a.at(c, y, x) - b.at(c, y, x)).abs()).sum::<f32>() / 3.0;
         }
-    }
-    let of_y = of_y / count.max(1.0);
-    // Equal differences of noisy colours are exact; without noise nothing is weighed.
-    if of_y == 0.0 { 0.0 } else { of_y * of_y / (of_differences / count.max(1.0)).max(1e-30) }
+    });
+    let of_differences = Image::from_rows(2, height, width, |axis, y, row| {
+        for (x, apart) in row.iter_mut().enumerate() {
+            let apart_of = |c: usize| (halves[0].at(c, y, x) - halves[1].at(c, y, x)).powi(2);
+            *apart = (3 * axis..3 * axis + 3).map(apart_of).sum::<f32>() / 3.0;
+        }
+    });
+    Image::from_rows(2, height, width, |axis, y, row| {
+        for (x, weight) in row.iter_mut().enumerate().filter(|(x, _)| known.at(axis, y, *x) != 0.0) {
+            let (mut noise, mut of_difference, mut count) = (0.0f32, 0.0f32, 0.0f32);
+            for y_at in y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(height) {
+                for x_at in x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width) {
+                    if (y_at, x_at) != (y, x) && known.at(axis, y_at, x_at) != 0.0 {
+                        noise += of_y.at(0, y_at, x_at);
+                        of_difference += of_differences.at(axis, y_at, x_at);
+                        count += 1.0;
+                    }
+                }
+            }
+            let (noise, of_difference) = (noise / count.max(1.0), of_difference / count.max(1.0));
+            // Equal differences of noisy colours are exact; without noise nothing is weighed.
+            let quiet = if noise == 0.0 { 0.0 } else { noise * noise / of_difference.max(1e-30) };
+            *weight = strength * quiet.min(HEAVIEST);
+        }
+    })
 }

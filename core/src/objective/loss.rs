@@ -65,12 +65,12 @@ impl Objective {
         self
     }
 
-    /// The same with differences of the correction compared with those of the other half, `strength` times as
-    /// heavily as their noise deserves, where the frame has them ([`DifferenceTarget`]).
-    pub fn with_differences(mut self, prepared: &Prepared, strength: f32) -> Self {
-        if let Some(given) = prepared.differences.as_ref().filter(|_| strength > 0.0) {
+    /// The same with differences of the correction compared with those of the other half, where the frame has them
+    /// ([`DifferenceTarget`]).
+    pub fn with_differences(mut self, prepared: &Prepared) -> Self {
+        if let Some(given) = &prepared.differences {
             for (h, half) in self.halves.iter_mut().enumerate() {
-                half.differences = Some(DifferenceTarget::new(prepared, given, h, &half.weight, strength));
+                half.differences = Some(DifferenceTarget::new(given, h, &half.weight));
             }
         }
         self

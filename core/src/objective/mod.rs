@@ -16,7 +16,7 @@ mod step;
 mod tile;
 mod weight;
 
-pub use differences::DifferenceTarget;
+pub use differences::{DifferenceTarget, difference_weight};
 pub use loss::{HalfObjective, Objective, PixelLoss, Scratch};
 pub use step::{Step, Workspaces, parts_of_tile};
 pub use tile::{Mirror, Tile};

@@ -107,12 +107,14 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     let Shared { arguments, engine, isa, .. } = *shared;
     let start = Instant::now();
     let contract = &engine.model().contract;
+    let overrides = &wanted(shared, overrides.clone());
     let in_shot = shared.shot.zip(job.frame.number);
     let mut open = match in_shot {
         Some((shot, number)) => shot.open(number, overrides)?,
         None => OpenFrame::open_to_denoise(&job.frame.files, overrides)?,
     };
     let (mut output, placing) = (open.output()?, open.placing());
+    let mut said: Vec<String> = open.note_on_differences().into_iter().collect();
     let mut passes = arguments.frame.passes.find(&open, shared.denoising)?;
     if let Some(passes) = &passes {
         output = output.and(passes.output()?)?;
@@ -134,7 +136,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     neighbours.iter().for_each(|neighbour| shared.output.detail(&neighbour.line()));
 
     let beside = shows.then(|| Beside::read(&frame.source, frame.different.as_ref(), reference)).transpose()?;
-    let ReadFrame { mut source, stats, roles, samples, warnings, .. } = frame;
+    let ReadFrame { mut source, stats, roles, samples, mut warnings, .. } = frame;
     if let Some(composite) = passes.as_mut().and_then(FramePasses::take_composite) {
         source.set_composite(composite);
     }
@@ -143,6 +145,13 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     let how = contract.correction(isa, arguments.run.strength);
     let how = CorrectionSettings { keep_maps: arguments.report, ..how };
     let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
+    if contract.differences > 0.0 {
+        let (with_differences, notes) = bands.with_differences(contract.differences)?;
+        bands = with_differences;
+        said.extend(notes);
+    }
+    said.iter().for_each(|note| shared.output.say(&format!("{}: note: {note}", job.frame.name())));
+    warnings.extend(said);
     let corrected = correct(&mut bands, engine, &how, &interrupt::asked).map_err(|error| match error {
         CorrectError::Interrupted => Failure::interrupted(),
         CorrectError::Parameters(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
@@ -158,6 +167,11 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     })?;
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
     Ok(View { name, output, corrected, passes, stats, roles, samples, denoiser, warnings, neighbours, read, beside })
+}
+
+/// The same overrides, with differences of y looked for where the model is of a fit with some.
+fn wanted(shared: &Shared, overrides: RoleOverrides) -> RoleOverrides {
+    if shared.engine.model().contract.differences > 0.0 { overrides.with_differences() } else { overrides }
 }
 
 /// One file of the pictures of all views.
@@ -179,10 +193,12 @@ pub fn describe(shared: &Shared, job: &Job) -> Result<(), Failure> {
         check_outputs(shared, job, &inputs(shared, job))?;
         let mut plans = Vec::new();
         for overrides in shared.arguments.frame.overrides_of_views(&job.frame.files)? {
+            let overrides = wanted(shared, overrides);
             let open = match shared.shot.zip(job.frame.number) {
                 Some((shot, number)) => shot.open(number, &overrides)?,
                 None => OpenFrame::open_to_denoise(&job.frame.files, &overrides)?,
             };
+            lines.extend(open.note_on_differences().map(|note| format!("  note: {note}")));
             lines.extend(open.sources().iter().map(role_line));
             lines.push(samples_line(open.samples()));
             lines.extend(shared.denoising.describe(&open)?);

@@ -1,6 +1,10 @@
 //! Differences of y: what a file holds is found out, and the objective compares those of the correction with them.
 
+use sspc_core::bands::{FrameBands, WITHOUT_DIFFERENCES};
+use sspc_core::composition::Composition;
+use sspc_core::correct::{self, BandSource, CorrectionSettings};
 use sspc_core::differences::Differences;
+use sspc_core::frame_stats::{Exposure, FrameStats};
 use sspc_core::objective::{Objective, PixelLoss, Tile};
 use sspc_core::prepare::Prepared;
 use sspc_core::rng::Rng;
@@ -10,8 +14,10 @@ use sspc_kernels::loss::{self, SelfSupervised};
 use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
-use sspc_testkit::frames::{prepared, textured};
+use sspc_testkit::closeness::assert_images_close;
+use sspc_testkit::frames::{prepared, textured, with_missing_pixel};
 use sspc_testkit::kernels::loss_of_tiles;
+use sspc_testkit::method::{random_network, settings_of};
 use std::sync::Arc;
 
 const HEIGHT: usize = 40;
@@ -45,7 +51,7 @@ fn changed(mut halves: [[Image; 2]; 2], change: impl Fn(usize, &Image) -> Image)
 fn the_usual_differences_are_taken_silently_and_others_by_what_they_are() {
     let prepared = scene();
     let usual = given(&prepared, 0.02);
-    let (taken, said) = Differences::new(&usual, &prepared);
+    let (taken, said) = Differences::new(&usual, &prepared, 1.0);
     let taken = taken.expect("differences");
     assert_eq!(said, Vec::<String>::new());
     // The last column has no neighbour on the right, the last row none below.
@@ -65,7 +71,7 @@ fn the_usual_differences_are_taken_silently_and_others_by_what_they_are() {
         (backward, "dy is this pixel less the one above: taken as such"),
         (swapped, "dx is the pixel below less this one: taken as such"),
     ] {
-        let (found, said) = Differences::new(&read, &prepared);
+        let (found, said) = Differences::new(&read, &prepared, 1.0);
         let found = found.unwrap_or_else(|| panic!("{words}: {said:?}"));
         assert!(said.iter().any(|line| line == words), "{words}: {said:?}");
         let inside = |c: usize| (1..HEIGHT - 1).flat_map(move |y| (1..WIDTH - 1).map(move |x| (c, y, x)));
@@ -80,10 +86,10 @@ fn what_does_not_follow_the_picture_is_not_used() {
     let prepared = scene();
     let rng = &mut Rng::new(3);
     let noise = [(); 2].map(|()| [(); 2].map(|()| Image::from_fn(3, HEIGHT, WIDTH, |_, _, _| rng.normal())));
-    let (found, said) = Differences::new(&noise, &prepared);
+    let (found, said) = Differences::new(&noise, &prepared, 1.0);
     assert!(found.is_none() && said[0].contains("does not follow"), "{said:?}");
     let same = given(&prepared, 0.0).map(|[dx, _]| [dx.clone(), dx]);
-    let (found, said) = Differences::new(&same, &prepared);
+    let (found, said) = Differences::new(&same, &prepared, 1.0);
     assert!(found.is_none() && said.iter().any(|line| line.contains("along rows")), "{said:?}");
 }
 
@@ -96,12 +102,12 @@ fn unknown_and_missing_pixels_take_no_part() {
     let mut read = given(&prepared, 0.02);
     read[0][0].set(1, 5, 6, f32::NAN);
     read[1][1].set(2, 8, 9, f32::INFINITY);
-    let (found, said) = Differences::new(&read, &prepared);
+    let (found, said) = Differences::new(&read, &prepared, 1.0);
     assert!(said.iter().any(|line| line.starts_with("2 values of dx and dy are NaN")), "{said:?}");
     let differences = Arc::new(found.expect("differences"));
     prepared.differences = Some(differences.clone());
     let objective = Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set).with_own_weight(&prepared);
-    for half in &objective.with_differences(&prepared, 1.0).halves {
+    for half in &objective.with_differences(&prepared).halves {
         let target = half.differences.as_ref().expect("differences of the half");
         assert!(target.target.data().iter().chain(target.weight.data()).all(|v| v.is_finite()));
         for (axis, y, x) in [(0, 5, 6), (1, 8, 9), (0, 20, 30), (0, 20, 29), (1, 20, 30), (1, 19, 30)] {
@@ -116,10 +122,10 @@ fn unknown_and_missing_pixels_take_no_part() {
 #[test]
 fn the_objectives_gradient_is_that_of_its_value() {
     let mut prepared = scene();
-    prepared.differences = Differences::new(&given(&prepared, 0.05), &prepared).0.map(Arc::new);
+    prepared.differences = Differences::new(&given(&prepared, 0.05), &prepared, 1.0).0.map(Arc::new);
     let objective = Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set)
         .with_own_weight(&prepared)
-        .with_differences(&prepared, 1.0);
+        .with_differences(&prepared);
     let region = Region { top: 3, left: 39, height: 7, width: 17 };
     let (rng, isa) = (&mut Rng::new(6), Isa::best());
     let outputs: Vec<f32> = (0..16 * region.pixels()).map(|_| 0.5 * rng.normal()).collect();
@@ -209,9 +215,9 @@ fn weights_do_not_know_the_noise_that_they_weigh() {
     let base = given(&prepared, 0.05);
     let weights = |read: &[[Image; 2]; 2]| {
         let mut prepared = prepared.clone();
-        prepared.differences = Differences::new(read, &prepared).0.map(Arc::new);
+        prepared.differences = Differences::new(read, &prepared, 1.0).0.map(Arc::new);
         let objective = Objective::new(&prepared, Form::Gated, Taps::square(2), prepared.set);
-        objective.with_differences(&prepared, 1.0).halves[0].differences.clone().expect("differences").weight
+        objective.with_differences(&prepared).halves[0].differences.clone().expect("differences").weight
     };
     let mut moved = base.clone();
     moved[1][0].set(0, 12, 13, 50.0);
@@ -219,4 +225,59 @@ fn weights_do_not_know_the_noise_that_they_weigh() {
     assert_eq!(before.at(0, 12, 13), after.at(0, 12, 13), "its own noise");
     assert!(after.at(0, 12, 14) < 0.1 * before.at(0, 12, 14), "its neighbour's");
     assert_eq!(before.at(1, 12, 14), after.at(1, 12, 14), "the other axis");
+}
+
+/// Fails when a band lacks a row that a difference, its weight or what reads them depends on, and where bands are looked over
+/// otherwise than the whole.
+#[test]
+fn bands_with_differences_give_the_same_picture_and_the_same_figures() {
+    let (height, width) = (150, 21);
+    let mut frame = with_missing_pixel(height, width);
+    let z = frame.denoised.clone().expect("a denoised picture");
+    let rng = &mut Rng::new(9);
+    // The pixel before is subtracted from this one: rows of a band need those above as well.
+    let mut half = || {
+        [(0, 1), (1, 0)].map(|(up, left)| {
+            Image::from_fn(3, height, width, |c, y, x| {
+                z.at(c, y, x) - z.at(c, y.saturating_sub(up), x.saturating_sub(left)) + 0.05 * rng.normal()
+            })
+        })
+    };
+    frame.differences = Some([half(), half()]);
+    let stats = FrameStats::of(&frame, Exposure::Normalised);
+    let network = random_network(Form::Gated, 2);
+    let run = |rows: usize, strength: Option<f32>| {
+        let how = CorrectionSettings { rows: Some(rows), ..settings_of(Form::Gated, 9, Composition::JudgedFullBuffer) };
+        let bands = FrameBands::new(&frame, stats, true);
+        let (mut bands, said) = match strength {
+            Some(strength) => bands.with_differences(strength).expect("rows"),
+            None => (bands, Vec::new()),
+        };
+        (correct::correct(&mut bands, &network, &how, &|| false).expect("a picture"), said)
+    };
+    let (whole, said) = run(height, Some(1.0));
+    assert!(said.iter().any(|line| line == "dx is this pixel less the one on the left: taken as such"), "{said:?}");
+    assert!(
+        whole.verdict.fallback.is_none(),
+        "a fallback would leave nothing to compare: {:?}",
+        whole.verdict.fallback
+    );
+    let expected = whole.maps.expect("maps").share;
+    let without = run(height, None).0.maps.expect("maps").share;
+    assert!(without != expected, "differences take part");
+    for rows in [16, 48] {
+        let (banded, also_said) = run(rows, Some(1.0));
+        assert_eq!(also_said, said);
+        assert_images_close(&banded.picture, &whole.picture, 1e-5, &format!("bands of {rows}, picture"));
+        assert_images_close(&banded.maps.expect("maps").share, &expected, 1e-5, &format!("bands of {rows}, share"));
+    }
+}
+
+#[test]
+fn a_frame_without_differences_is_said_and_judged_by_its_colours() {
+    let frame = with_missing_pixel(40, 30);
+    let bands = FrameBands::new(&frame, FrameStats::of(&frame, Exposure::Normalised), true);
+    let (bands, said) = bands.with_differences(1.0).expect("rows");
+    assert_eq!(said, [WITHOUT_DIFFERENCES]);
+    assert!(!bands.has_differences());
 }

@@ -51,8 +51,9 @@ impl Setup {
         let known = Image::from_fn(2, height, width, |axis, y, x| {
             if (axis == 0 && x + 1 < width) || (axis == 1 && y + 1 < height) { 1.0 } else { 0.0 }
         });
-        let given = Differences { halves: ["given_a", "given_b"].map(|key| self.image(key, 6)), known };
-        DifferenceTarget::new(&prepared(halves), &given, 0, &self.image("weight", 1), 1.0)
+        let read = ["given_a", "given_b"].map(|key| self.image(key, 6));
+        let given = Differences::of_known(read, known, &prepared(halves), 1.0);
+        DifferenceTarget::new(&given, 0, &self.image("weight", 1))
     }
 
     fn noisy(&self) -> [Image; 2] {

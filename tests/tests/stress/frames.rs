@@ -39,6 +39,7 @@ pub fn changed(frame: &Frame, change: impl Fn(&Image) -> Image) -> Frame {
         variants: Vec::new(),
         composite: None,
         weights: frame.weights,
+        differences: None,
     }
 }
 

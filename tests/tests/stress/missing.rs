@@ -124,6 +124,7 @@ fn reach(network: usize, window_radius: usize, composition: Composition) -> usiz
         strength: 1.0,
         judged_by_held_out: false,
         has_composite: false,
+        with_differences: false,
     };
     network + composer.margin()
 }

@@ -1,5 +1,6 @@
 //! sspc-train as a user runs it, on the repository's sample.
 
+mod differences;
 mod fits;
 mod refusals;
 mod reports;
