@@ -4,7 +4,7 @@ use crate::align::{Placing, window_like};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
 use crate::layers::{Layers, Reading};
-use sspc_image::{Buffer, Image, Reference};
+use sspc_image::{Buffer, Image, Reference, shown};
 use std::path::Path;
 
 /// A picture that another one must cover.
@@ -73,6 +73,50 @@ pub fn read_placed_picture(path: &Path, like: Option<Like>) -> Result<(Image, Pl
     };
     let (mut images, placing) = images_like(&file, vec![hit.channels], like)?;
     Ok((images.swap_remove(0), placing))
+}
+
+/// Reads R,G,B of a layer by its name, `[3, H, W]`, e.g. a pass, and where its pixels lie. A file that shows nothing but a colour
+/// without a layer's name is taken as that layer.
+///
+/// # Errors
+/// A file that cannot be read, has no such layer, or does not cover `like`.
+pub fn read_placed_layer(path: &Path, layer: &str, like: Option<Like>) -> Result<(Image, Placing), Error> {
+    let purpose = Purpose::Picture;
+    let file = ExrFile::open(path, purpose)?;
+    let Some(channels) = channels_of(&file, layer).or_else(|| only_colour(&file)) else {
+        let expected = format!("the layer {}", shown(layer));
+        return Err(Error::MissingRole { path: path.into(), purpose, expected, found: Layers::of(&file).summary() });
+    };
+    let (mut images, placing) = images_like(&file, vec![channels], like)?;
+    Ok((images.swap_remove(0), placing))
+}
+
+/// The same of a reference; layers `a.NAME` and `b.NAME` are its halves.
+///
+/// # Errors
+/// As [`read_placed_layer`].
+pub fn read_reference_layer(path: &Path, layer: &str, like: Option<Like>) -> Result<Reference, Error> {
+    let file = ExrFile::open(path, Purpose::Reference)?;
+    let half = |half: &str| channels_of(&file, &format!("{half}.{layer}"));
+    if let Some((a, b)) = half("a").zip(half("b")) {
+        let (mut images, _) = images_like(&file, vec![a, b], like)?;
+        if let (Some(b), Some(a)) = (images.pop(), images.pop()) {
+            return Ok(Reference { mean: Image::mean_of(&a, &b), halves: Some([a, b]) });
+        }
+    }
+    Ok(Reference { mean: read_placed_layer(path, layer, like)?.0, halves: None })
+}
+
+/// R, G and B of a layer.
+fn channels_of(file: &ExrFile, layer: &str) -> Option<Vec<usize>> {
+    ["R", "G", "B"].iter().map(|end| file.channel_named(&format!("{layer}.{end}"))).collect()
+}
+
+/// R, G and B of a file that has no others than these and alpha.
+fn only_colour(file: &ExrFile) -> Option<Vec<usize>> {
+    let is_plain = file.channels.iter().all(|channel| ["R", "G", "B", "A"].contains(&channel.name.as_str()));
+    let channels = || ["R", "G", "B"].iter().map(|end| file.channel_named(end)).collect();
+    is_plain.then(channels).flatten()
 }
 
 /// Groups of channels where `like` is; without it, where the first of them is.

@@ -9,12 +9,12 @@ use sspc_cli::output::print_result;
 use sspc_cli::{Code, Failure};
 use sspc_frames::atomic::check_output;
 use sspc_frames::preview::{self, auto_exposure};
-use sspc_frames::read::{Like, read_placed_picture};
-use sspc_frames::{read_picture, read_reference};
+use sspc_frames::read::{Like, read_placed_layer, read_placed_picture, read_reference_layer};
+use sspc_frames::read_reference;
 use sspc_image::{Image, Reference};
 use sspc_metrics::relative::rel_l2_map;
 use sspc_metrics::{Comparison, Figures, figures};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What `evaluate` is told.
 #[derive(Clone, Debug, Args)]
@@ -30,6 +30,11 @@ pub struct EvaluateArguments {
     /// The denoiser's picture, measured beside it
     #[arg(long, value_name = "Z.exr")]
     pub denoised: Option<PathBuf>,
+
+    /// Measure this layer of every file instead of its colour: a pass, e.g. 'ViewLayer.Diffuse Direct' or RGBA_key. The reference's
+    /// layers a.NAME and b.NAME are its halves; a file that has R,G,B alone is taken as the layer
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
 
     /// Frames of a shot, e.g. 1001-1040: every figure for each frame and for the shot, and the temporal error
     #[arg(long, value_name = "RANGE", conflicts_with = "error_map", allow_hyphen_values = true)]
@@ -123,10 +128,18 @@ pub(crate) struct Read {
 impl Read {
     /// Reads them, all of the picture's size.
     pub fn of(arguments: &EvaluateArguments) -> Result<Self, Failure> {
-        let (picture, placing) = read_placed_picture(&arguments.picture, None)?;
-        let like = Like { path: &arguments.picture, placing };
-        let reference = read_reference(&arguments.reference, Some(like))?;
-        let denoised = arguments.denoised.as_deref().map(|path| read_picture(path, Some(like))).transpose()?;
+        let layer = arguments.layer.as_deref();
+        let read = |path: &Path, like| match layer {
+            Some(layer) => read_placed_layer(path, layer, like),
+            None => read_placed_picture(path, like),
+        };
+        let (picture, placing) = read(&arguments.picture, None)?;
+        let like = Some(Like { path: &arguments.picture, placing });
+        let reference = match layer {
+            Some(layer) => read_reference_layer(&arguments.reference, layer, like)?,
+            None => read_reference(&arguments.reference, like)?,
+        };
+        let denoised = arguments.denoised.as_deref().map(|path| read(path, like)).transpose()?.map(|(image, _)| image);
         Ok(Self { picture, reference, denoised })
     }
 

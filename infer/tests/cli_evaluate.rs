@@ -1,5 +1,7 @@
 //! `sspc-infer evaluate` as a person or a farm runs it.
 
+use sspc_image::Image;
+use sspc_testkit::exr_parts::write_mixed;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -141,4 +143,34 @@ fn a_closed_pipe_is_said_and_not_a_panic() {
     command.args(["evaluate", text(&sample("a.exr")), "--reference", text(&sample("ref.exr"))]);
     let child = command.stdout(writer).stderr(Stdio::piped()).spawn().expect("sspc-infer runs");
     assert_fails(&child.wait_with_output().expect("ended"), 4, &["standard output"]);
+}
+
+/// A light of 2 beside a light of 1: of a picture, a denoised picture and two halves of a reference.
+#[test]
+fn a_layer_is_measured_like_a_picture() {
+    let folder = tempfile::tempdir().expect("folder");
+    let file = |name: &str| folder.path().join(name);
+    let flat = |value: f32| Image::filled(3, 12, 16, value);
+    write_mixed(&file("x.exr"), &[("", "RGB", &flat(3.0), false), ("key light", "RGB", &flat(2.1), false)]);
+    write_mixed(&file("z.exr"), &[("", "RGB", &flat(2.2), false)]);
+    let halves: &[(&str, &str, &Image, bool)] = &[
+        ("", "RGB", &flat(3.0), false),
+        ("a.key light", "RGB", &flat(1.9), false),
+        ("b.key light", "RGB", &flat(2.1), false),
+    ];
+    write_mixed(&file("ref.exr"), halves);
+    let measure = |layer: &str| {
+        let [x, z, r] = ["x.exr", "z.exr", "ref.exr"].map(file);
+        evaluate(&[text(&x), "--reference", text(&r), "--denoised", text(&z), "--layer", layer, "--json"])
+    };
+    let output = measure("key light");
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(found["reference_noise_removed"], true);
+    // (2.1 - 2)² and (2.2 - 2)², less the reference's noise of 0.1², over 2² + 0.01.
+    for (found, expected) in [(&found["figures"], 0.0), (&found["denoised"]["figures"], 0.03 / 4.01)] {
+        let found = found["rel_l2"].as_f64().expect("a figure");
+        assert!((found - expected).abs() < 1e-6, "{found}, not {expected}");
+    }
+    assert_fails(&measure("rim"), 3, &["x.exr", "the layer rim", "key light"]);
 }
