@@ -274,8 +274,8 @@ def measure_run(programs, folder, model, repeats, threads):
 
 def run_table(report):
     seconds = report["seconds"]
-    parts = ["read", "features", "network", "finish", "write"]
-    names = ["read, look over", "features", "network", "g_c, judge", "write"]
+    parts = ["read", "features", "correct", "write"]
+    names = ["read, look over", "features", "network, g_c, judge", "write"]
     return "\n".join(
         [
             f"### `sspc-infer run`, {report['width']} x {report['height']}, file to file",

@@ -37,6 +37,16 @@ class Check(unittest.TestCase):
         with self.assertRaisesRegex(network.WrongAnswer, "wrong"):
             network.check("wrong", found, rows.reshape(-1))
 
+    def test_the_stages_of_run_are_those_that_its_report_names(self):
+        programs = Path(os.environ.get("CARGO_TARGET_DIR", network.ROOT / "target"), "release")
+        with tempfile.TemporaryDirectory() as folder:
+            for name in ("a.exr", "b.exr", "denoised.exr"):
+                source = network.ROOT / "tests/data/sample" / name
+                derived.mirror(programs / "examples/edit_exr", source, Path(folder, name), 64, 48)
+            model = network.model_for(programs, folder)
+            table = network.run_table(network.measure_run(programs, folder, model, 1, 1))
+            self.assertIn("### `sspc-infer run`, 64 x 48, file to file", table)
+
     def test_a_record_is_written_with_every_table(self):
         about = {
             "date": "2026-11-26T10:00:00+00:00",

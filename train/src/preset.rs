@@ -138,9 +138,6 @@ fn limit_or_null<S: serde::Serializer>(influence: &Influence, serializer: S) -> 
     serde::Serialize::serialize(&limited, serializer)
 }
 
-/// Share of training with the first window, where there is one.
-const FIRST_WINDOW_UNTIL: f64 = 0.8;
-
 /// Radius of g_c's window where time matters: less than half the taps, a hundredth more error after as many steps.
 const SMALL_RADIUS: usize = 6;
 
@@ -189,9 +186,6 @@ pub struct Settings {
     /// Radius of g_c's window, pixels.
     #[serde(rename = "window_radius")]
     pub radius: usize,
-    /// Its radius in the first four fifths of training, where that is another.
-    #[serde(rename = "first_window_radius", skip_serializing_if = "Option::is_none")]
-    pub first_radius: Option<usize>,
     /// How radiance is brought to the method's scale.
     pub exposure: Exposure,
     /// The weights before the first step.
@@ -263,11 +257,6 @@ impl Settings {
         self
     }
 
-    /// Radius of the window when this share of the training is `done`.
-    pub fn radius_at(&self, done: f64) -> usize {
-        self.first_radius.filter(|_| done < FIRST_WINDOW_UNTIL).unwrap_or(self.radius)
-    }
-
     /// The settings of a preset.
     pub fn of(preset: Preset, seed: u64) -> Self {
         let (steps, peak) = match preset {
@@ -280,7 +269,6 @@ impl Settings {
             form: Form::Gated,
             shape: Shape::shallow(Form::Gated),
             radius: PAPER_RADIUS,
-            first_radius: None,
             exposure: Exposure::OfNoise,
             start: Start::Analytic { gate: 0.7 },
             combination: Combination::PostCorrection,

@@ -17,9 +17,8 @@ const TILES: (usize, usize) = (8, 512);
 const MAX_BATCH: usize = 256;
 
 /// Every key and what it may be, as `--help` and messages show them.
-pub const KEYS: [(&str, &str); 15] = [
+pub const KEYS: [(&str, &str); 14] = [
     ("window", "side of the window of g_c in pixels, odd, 3 to 25"),
-    ("first-window", "side of the window in the first four fifths of training, odd, from 3 up to the window's own"),
     ("hidden", "channels of a hidden layer, 1 to 16"),
     ("layers", "convolutions, 1 to 32"),
     ("combination", "gc, or fc (Deep Combiner's function)"),
@@ -103,13 +102,6 @@ impl Change {
             "window" => {
                 let side = self.number(|side| side % 2 == 1 && (MIN_WINDOW..=MAX_WINDOW).contains(side))?;
                 settings.radius = side / 2;
-            }
-            "first-window" => {
-                let side = self.number(|side| side % 2 == 1 && (MIN_WINDOW..=MAX_WINDOW).contains(side))?;
-                if side / 2 > settings.radius {
-                    return Err(self.conflict("larger than the window itself (give window first)"));
-                }
-                settings.first_radius = Some(side / 2);
             }
             "hidden" => settings.shape.hidden = self.number(|n| (1..=MAX_CHANNELS).contains(n))?,
             "layers" => settings.shape.layers = self.number(|n| (1..=MAX_LAYERS).contains(n))?,
@@ -216,10 +208,9 @@ mod tests {
             f(&mut settings);
             settings
         };
-        let cases: [(&str, Settings); 17] = [
+        let cases: [(&str, Settings); 16] = [
             ("window=7", small(&|s| s.radius = 3)),
             ("window=25", small(&|s| s.radius = 12)),
-            ("first-window=13", small(&|s| s.first_radius = Some(6))),
             ("hidden=1", small(&|s| s.shape.hidden = 1)),
             ("layers=4", small(&|s| s.shape.layers = 4)),
             ("combination=fc", small(&|s| s.combination = Combination::DeepCombiner)),
@@ -252,7 +243,6 @@ mod tests {
     fn a_wrong_value_is_told_what_is_allowed() {
         let wrong = [
             ("window", vec!["8", "1", "27", "-3", "x", ""]),
-            ("first-window", vec!["8", "1", "27"]),
             ("hidden", vec!["0", "17", "1.5"]),
             ("layers", vec!["0", "33"]),
             ("combination", vec!["GC", "f_c"]),
@@ -284,7 +274,6 @@ mod tests {
         assert!(message(Preset::Balanced, &["size=3"]).contains("there are window, hidden"));
         let twice = message(Preset::Balanced, &["tile=32", "tile=64"]);
         assert!(twice.contains("twice: 32 and 64"), "{twice}");
-        assert!(message(Preset::Fast, &["first-window=15"]).contains("larger than the window"));
         assert!(message(Preset::Paper, &["rate=0.01"]).contains("noise"));
         assert!(message(Preset::Paper, &["sampling=uniform"]).contains("grid"));
         assert!(message(Preset::Paper, &["gate=0.7"]).contains("random weights"));

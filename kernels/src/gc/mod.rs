@@ -87,7 +87,7 @@ impl Correction<'_> {
     }
 
     /// The region in at least `parts` parts, where it has as many rows: in the order in which it is computed as a whole.
-    /// Strips cost nothing, and each part of a strip the rows around it ([`kernel`]).
+    /// Strips cost nothing, each part of a strip the rows around it.
     pub fn in_parts(self, parts: usize) -> Vec<Self> {
         let Self { region, parameters, .. } = self;
         let strips = region.width.div_ceil(strip::STRIP).max(1);
