@@ -11,7 +11,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// What is said of a frame without differences, whose model was fitted with some.
-pub const WITHOUT_DIFFERENCES: &str = "the model was fitted with differences of y, and this frame has no dx and dy: its colours alone judge the correction";
+pub const WITHOUT_DIFFERENCES: &str = "the model was fitted with differences of y, and this frame has no dx and dy: \
+its colours alone judge the correction";
 
 /// A frame whose rows are brought into the method's units band by band.
 pub struct FrameBands<'a, R> {

@@ -161,8 +161,8 @@ impl Skip {
     pub const ALL: Skip = Skip { blocks: true, features: true };
 }
 
-/// Weight of differences of y where nobody asks for them: none. The blend weight does not know them yet, and without it
-/// they made a frame worse (docs/GRADIENTS.md).
+/// Weight of differences of y where nobody asks for them: none. What helps one scene darkens corners of another
+/// (docs/GRADIENTS.md).
 const DIFFERENCE_STRENGTH: f32 = 0.0;
 
 /// Reports name it where it was changed.

@@ -47,7 +47,7 @@ impl DifferenceTarget {
 }
 
 /// What differences of both halves `[6, H, W]` weigh beside a colour, `[2, H, W]`: `strength` times the variance of y over that
-/// of a difference, around a pixel and without it, at most [`HEAVIEST`] times; 0 where they are not `known` `[2, H, W]`.
+/// of a difference, around a pixel and without it, at most ten times; 0 where they are not `known` `[2, H, W]`.
 ///
 /// Outliers make it smaller in both: the mean of |y^a - y^b| is squared, that of differences is one of squares.
 pub fn difference_weight(prepared: &Prepared, halves: &[Image; 2], known: &Image, strength: f32) -> Image {
