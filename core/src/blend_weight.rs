@@ -16,7 +16,7 @@
 use crate::box_mean::box_mean;
 use crate::held_out::blind;
 use crate::prepare::Prepared;
-use crate::residuals::{Residual, Residuals, dot};
+use crate::residuals::{Residual, Residuals, dot, limited};
 use rayon::prelude::*;
 use sspc_image::Image;
 
@@ -43,20 +43,22 @@ pub(crate) struct Evidence {
 impl Evidence {
     /// Evidence of corrected `halves`, `[3, H, W]` each, in the method's units.
     pub fn of(prepared: &Prepared, halves: &[Image; 2]) -> Self {
-        Self::sum(prepared, [halves], |r, [d]| (r, d))
+        Self::sum(prepared, [halves], |&Residual { r, d: [d], .. }| (r, d))
     }
 
-    /// The same of the way from corrected `halves` on to `others`.
+    /// The same of the way from corrected `halves` on to `others`, by what is left of the residuals.
     pub fn beyond(prepared: &Prepared, halves: &[Image; 2], others: &[Image; 2]) -> Self {
         let less = |of: [f32; 3], d: [f32; 3]| [0, 1, 2].map(|k| of[k] - d[k]);
-        Self::sum(prepared, [halves, others], |r, [d, other]| (less(r, d), less(other, d)))
+        Self::sum(prepared, [halves, others], |&Residual { weight, whole, d: [d, other], .. }| {
+            (limited(less(whole, d), weight), less(other, d))
+        })
     }
 
-    /// Sums of what `way` makes of a residual and of what N corrections do to it: what is left of it, and the way that is judged.
+    /// Sums over residuals, of which `way` says how far each is from the truth and which way is judged.
     fn sum<const N: usize>(
         prepared: &Prepared,
         corrected: [&[Image; 2]; N],
-        way: impl Fn([f32; 3], [[f32; 3]; N]) -> ([f32; 3], [f32; 3]) + Sync,
+        way: impl Fn(&Residual<N>) -> ([f32; 3], [f32; 3]) + Sync,
     ) -> Self {
         let (height, width) = (prepared.height(), prepared.width());
         let mut evidence = Self { agreement: Image::zeros(1, height, width), size: Image::zeros(1, height, width) };
@@ -67,8 +69,8 @@ impl Evidence {
         let agreement = evidence.agreement.plane_mut(0).par_chunks_mut(width);
         let size = evidence.size.plane_mut(0).par_chunks_mut(width);
         agreement.zip(size).enumerate().for_each(|(y, (agreement, size))| {
-            residuals.of_row(y, corrected, |Residual { x, weight, r, d }| {
-                let (r, d) = way(r, d);
+            residuals.of_row(y, corrected, |residual| {
+                let ((r, d), Residual { x, weight, .. }) = (way(&residual), residual);
                 agreement[x] += weight * dot(r, d);
                 size[x] += weight * dot(d, d);
             });

@@ -58,7 +58,7 @@ fn sums(prepared: &Prepared, first: &[Image; 2], mean: &[Image; 2]) -> [Image; 5
     let [a, b, c, d, e] = std::array::from_fn(|_| planes.next().expect("five planes"));
     a.zip(b).zip(c).zip(d).zip(e).enumerate().for_each(
         |(y, ((((of_first, of_mean), first_size), mean_size), both))| {
-            residuals.of_row(y, [first, mean], |Residual { x, weight, r, d: [p, q] }| {
+            residuals.of_row(y, [first, mean], |Residual { x, weight, r, d: [p, q], .. }| {
                 of_first[x] += weight * dot(r, p);
                 of_mean[x] += weight * dot(r, q);
                 first_size[x] += weight * dot(p, p);

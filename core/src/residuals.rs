@@ -15,7 +15,9 @@ pub(crate) struct Residual<const N: usize> {
     pub x: usize,
     /// Weight of its square.
     pub weight: f32,
-    /// By channel, limited.
+    /// By channel.
+    pub whole: [f32; 3],
+    /// The same, limited.
     pub r: [f32; 3],
     /// What each correction does to it, by channel.
     pub d: [[f32; 3]; N],
@@ -42,8 +44,8 @@ impl<'a> Residuals<'a> {
             let corrected = corrected.map(|halves| [0, 1, 2].map(|k| halves[h].row(k, y)));
             for x in 0..prepared.width() {
                 let less_z = |of: [&[f32]; 3]| [0, 1, 2].map(|k| of[k][x] - z[k][x]);
-                let d = corrected.map(less_z);
-                tell(Residual { x, weight: weight[x], r: limited(less_z(target), weight[x]), d });
+                let (whole, d) = (less_z(target), corrected.map(less_z));
+                tell(Residual { x, weight: weight[x], whole, r: limited(whole, weight[x]), d });
             }
         }
         self.differences_of_row(y, corrected, tell);
@@ -64,12 +66,12 @@ impl<'a> Residuals<'a> {
                 // A difference that weighs has a neighbour.
                 let (below, right) = (y + axis, x + 1 - axis);
                 let z = |k: usize, y: usize, x: usize| prepared.halves[h].at(DENOISED + k, y, x);
-                let r =
+                let whole =
                     [0, 1, 2].map(|k| given.halves[1 - h].at(3 * axis + k, y, x) - (z(k, below, right) - z(k, y, x)));
                 let less_z = |image: &Image, k: usize, y: usize, x: usize| image.at(k, y, x) - z(k, y, x);
                 let d = corrected
                     .map(|halves| [0, 1, 2].map(|k| less_z(&halves[h], k, below, right) - less_z(&halves[h], k, y, x)));
-                tell(Residual { x, weight, r: limited(r, weight), d });
+                tell(Residual { x, weight, whole, r: limited(whole, weight), d });
             }
         }
     }

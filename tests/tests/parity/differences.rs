@@ -66,12 +66,13 @@ impl Setup {
         let differences_weight = self.expected_weight().image(0);
         let region = Region::whole(self.height, self.width);
         let scale = 1.0 / (3 * region.pixels()) as f32;
-        let mut judge = SelfSupervised { target: &target, weight: &weight, region, scale, influence, sum: 0.0 };
+        let mut judge =
+            SelfSupervised { target: &target, weight: &weight, region, scale, influence, squares: Vec::new() };
         let corrected = self.image("mu_hat", 3).into_data();
         let mut gradient = vec![0.0; corrected.len()];
         let differences = loss::Differences { target: given, weight: &differences_weight };
         judge.of_tile(isa, differences, &corrected, &mut gradient);
-        (judge.sum * f64::from(scale), gradient)
+        (judge.squares.iter().sum::<f64>() * f64::from(scale), gradient)
     }
 }
 
