@@ -252,7 +252,7 @@ mod tests {
         case.shapes[0] = vec![13, 12, 2];
         assert!(case.fault().starts_with("features: expected"));
         for radius in [0, 13, -1, i64::MAX] {
-            let fault = Operator::new(radius).err().expect("no window");
+            let fault = Operator::new(radius).expect_err("no window");
             assert_eq!(fault, format!("window_radius: expected 1 to 12, found {radius}"));
         }
     }
@@ -289,7 +289,7 @@ mod tests {
         let out = case.run(2);
         for k in 0..3 {
             // The window of the one, and the pixel of the other.
-            for at in [5, 3 * 70 + 5, 3 * 70 + 7, 600] {
+            for at in [70 + 5, 3 * 70 + 5, 3 * 70 + 7, 600] {
                 assert_eq!(out[k * 630 + at], z(&case, k, at), "{at}");
             }
             assert_ne!(out[k * 630 + 3 * 70 + 8], z(&case, k, 3 * 70 + 8));
