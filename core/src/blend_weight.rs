@@ -217,11 +217,11 @@ pub(crate) mod tests {
                 if y1 == height || x1 == width || given.known.at(axis, y, x) == 0.0 {
                     continue;
                 }
-                for h in 0..2 {
+                for (h, half) in halves.iter().enumerate() {
                     let z = |k: usize, y, x| f64::from(prepared.halves[h].at(DENOISED + k, y, x));
                     let mean = (0..3).map(|k| z(k, y, x)).sum::<f64>() / 3.0;
                     let weight = f64::from(given.weight.at(axis, y, x)) / (mean * mean + 0.01);
-                    let step = |k: usize, y, x| f64::from(halves[h].at(k, y, x)) - z(k, y, x);
+                    let step = |k: usize, y, x| f64::from(half.at(k, y, x)) - z(k, y, x);
                     let d = [0, 1, 2].map(|k| step(k, y1, x1) - step(k, y, x));
                     let other = |k: usize| f64::from(given.halves[1 - h].at(3 * axis + k, y, x));
                     let r = [0, 1, 2].map(|k| other(k) - (z(k, y1, x1) - z(k, y, x)));
