@@ -67,7 +67,7 @@ fn neighbours_mean(picture: &Image, i: usize, height: usize, width: usize) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sspc_image::{HalfBuffer, HalfWeights};
+    use sspc_image::HalfBuffer;
 
     fn fill_missing(picture: &mut Image, frame: &Frame) {
         let values = values_from_sources(picture, frame);
@@ -77,15 +77,7 @@ mod tests {
 
     fn frame(radiance: Image, denoised: Image) -> Frame {
         let half = HalfBuffer { radiance, denoised, albedo: None, normal: None, visibility: None };
-        Frame {
-            a: half.clone(),
-            b: half,
-            denoised: None,
-            variants: Vec::new(),
-            composite: None,
-            weights: HalfWeights::EQUAL,
-            differences: None,
-        }
+        Frame::of_halves(half.clone(), half)
     }
 
     #[test]

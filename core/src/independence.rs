@@ -291,15 +291,7 @@ pub(crate) mod tests {
             visibility: None,
         };
         let [a, b] = y.map(half);
-        Frame {
-            a,
-            b,
-            denoised: None,
-            variants: Vec::new(),
-            composite: None,
-            weights: HalfWeights::EQUAL,
-            differences: None,
-        }
+        Frame::of_halves(a, b)
     }
 
     pub(crate) fn measured(frame: &Frame) -> Independence {

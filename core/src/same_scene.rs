@@ -242,7 +242,7 @@ fn differences((a, b): (&Image, &Image), y: usize, by_sum: bool) -> Vec<[f32; 3]
 mod tests {
     use super::*;
     use crate::rng::Rng;
-    use sspc_image::{HalfBuffer, HalfWeights};
+    use sspc_image::HalfBuffer;
 
     const SIDE: usize = 144;
 
@@ -257,15 +257,7 @@ mod tests {
             HalfBuffer { denoised: radiance.clone(), radiance, albedo: None, normal: None, visibility: None }
         };
         let (a, b) = (half(0, &mut rng), half(1, &mut rng));
-        Frame {
-            a,
-            b,
-            denoised: None,
-            variants: Vec::new(),
-            composite: None,
-            weights: HalfWeights::EQUAL,
-            differences: None,
-        }
+        Frame::of_halves(a, b)
     }
 
     fn places(frame: &Frame) -> Option<DifferentPlaces> {

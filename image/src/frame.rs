@@ -104,6 +104,12 @@ impl HalfBuffer {
 }
 
 impl Frame {
+    /// Two halves of equal samples and nothing else.
+    pub fn of_halves(a: HalfBuffer, b: HalfBuffer) -> Self {
+        let weights = HalfWeights::EQUAL;
+        Self { a, b, denoised: None, variants: Vec::new(), composite: None, weights, differences: None }
+    }
+
     /// Whether either half has the feature.
     pub fn has(&self, feature: Role) -> bool {
         self.a.feature(feature).is_some() || self.b.feature(feature).is_some()
@@ -142,15 +148,8 @@ impl Frame {
             normal: None,
             visibility: None,
         };
-        Frame {
-            a: half(&self.a),
-            b: half(&self.b),
-            denoised: self.denoised.as_ref().map(cut),
-            variants: Vec::new(),
-            composite: None,
-            weights: self.weights,
-            differences: None,
-        }
+        let denoised = self.denoised.as_ref().map(cut);
+        Frame { denoised, weights: self.weights, ..Frame::of_halves(half(&self.a), half(&self.b)) }
     }
 
     /// Height in pixels.

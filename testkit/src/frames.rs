@@ -133,15 +133,7 @@ pub fn frame_of(halves: &[Image; 2]) -> Frame {
         visibility: Some(planes(features, VISIBILITY, 1)),
     };
     let [a, b] = halves.each_ref().map(half);
-    Frame {
-        a,
-        b,
-        denoised: None,
-        variants: Vec::new(),
-        composite: None,
-        weights: HalfWeights::EQUAL,
-        differences: None,
-    }
+    Frame::of_halves(a, b)
 }
 
 /// Planes `first..first + count`.

@@ -32,15 +32,7 @@ pub fn changed(frame: &Frame, change: impl Fn(&Image) -> Image) -> Frame {
         visibility: h.visibility.as_ref().map(&change),
     };
     let denoised = frame.denoised.as_ref().map(&change);
-    Frame {
-        a: half(&frame.a),
-        b: half(&frame.b),
-        denoised,
-        variants: Vec::new(),
-        composite: None,
-        weights: frame.weights,
-        differences: None,
-    }
+    Frame { denoised, weights: frame.weights, ..Frame::of_halves(half(&frame.a), half(&frame.b)) }
 }
 
 /// The frame with all radiance times `factor`.
