@@ -11,7 +11,8 @@ import pytest
 import sspc
 
 SAMPLE = Path(__file__).resolve().parents[2] / "tests" / "data" / "sample"
-LAYERS = {"denoised": "RGB", "albedo": "RGB", "normal": "XYZ", "visibility": "Y", "dx": "RGB", "dy": "RGB"}
+LAYERS = {"denoised": "RGB", "albedo": "RGB", "normal": "XYZ", "visibility": "Y"}
+DIFFERENCES = {"dx": "RGB", "dy": "RGB"}
 
 
 def pytest_configure(config):
@@ -53,7 +54,7 @@ def write_frame(folder, frame):
     """The frame as a.exr, b.exr and denoised.exr, of the arrays' own type; their arguments to the programs."""
     for half in "ab":
         channels = dict(zip("RGB", np.moveaxis(frame[half], -1, 0)))
-        for role, components in LAYERS.items():
+        for role, components in (LAYERS | DIFFERENCES).items():
             if f"{role}_{half}" in frame:
                 array = frame[f"{role}_{half}"]
                 planes = np.moveaxis(array.reshape(*array.shape[:2], -1), -1, 0)
