@@ -5,10 +5,12 @@
 //! | module | what |
 //! |---|---|
 //! | [`operator`] | what the operator computes, of which tensors |
+//! | `layouts` | types of onnxruntime's C interface |
 //! | [`ffi`] | onnxruntime's C interface: all of the crate's `unsafe` |
 
 #![deny(unsafe_code)]
 
 #[allow(unsafe_code)]
 pub mod ffi;
+mod layouts;
 pub mod operator;
