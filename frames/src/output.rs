@@ -22,7 +22,7 @@ use crate::container::fault::Fault;
 use crate::container::pixels::{Wanted, read_planes};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
-use crate::place::{Place, place, place_of};
+use crate::place::{Place, place_of};
 use crate::resolve::Resolution;
 use crate::window::Window;
 use exr::meta::attribute::SampleType;
@@ -61,13 +61,12 @@ impl OutputPlan {
         Self::new(file, vec![(place_of(resolution)?, Placing { window: radiance.window, display })])
     }
 
-    /// The output of other pictures in the place of these channels of a file, whose pixels lie as `placing` says.
+    /// The output of other pictures in these places of a file, whose pixels lie as `placing` says.
     ///
     /// # Errors
     /// As [`Self::of_frame`].
-    pub fn of_channels(file: &ExrFile, channels: Vec<Vec<usize>>, placing: Placing) -> Result<Self, Error> {
-        let places = channels.iter().enumerate().map(|(at, channels)| {
-            let mut place = place(file, channels);
+    pub fn of_places(file: &ExrFile, places: Vec<Place>, placing: Placing) -> Result<Self, Error> {
+        let places = places.into_iter().enumerate().map(|(at, mut place)| {
             place.targets.iter_mut().for_each(|target| target.picture = at);
             (place, placing)
         });

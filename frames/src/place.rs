@@ -3,7 +3,8 @@
 use crate::container::copy::Target;
 use crate::error::Error;
 use crate::exr_file::ExrFile;
-use crate::layers::{Layers, Reading};
+use crate::halves::split_half;
+use crate::layers::{Layer, Layers, Reading};
 use crate::names::{is_colour, noisy_stem};
 use crate::resolve::Resolution;
 use exr::meta::attribute::SampleType;
@@ -66,14 +67,31 @@ impl Place {
 }
 
 fn place_of_both(file: &ExrFile, layers: &Layers, channels: &[usize]) -> Result<Place, Error> {
-    let marked = layers.layer_of(channels[0]);
-    let same = |name: &crate::layers::Name| marked.is_some_and(|layer| layer.unmarked() == name);
-    let whole = layers.list.iter().find(|layer| layer.name(Reading::Unmarked).is_some_and(same));
     let at_root = || layers.list.iter().find(|layer| layer.path.is_empty());
-    match whole.or_else(at_root).and_then(|layer| layer.channels_for(Role::Radiance)) {
+    match whole_of(layers, channels).or_else(at_root).and_then(|layer| layer.channels_for(Role::Radiance)) {
         Some(channels) => Ok(place(file, &channels)),
-        None => new_channels(file, file.channels[channels[0]].part),
+        None => new_channels(file, file.channels[channels[0]].part, ""),
     }
+}
+
+/// The place of a layer of half a in a file that holds both halves: the layer of both together, or new channels of its name
+/// without the mark.
+///
+/// # Errors
+/// [`Error::Unsupported`]: some of R, G, B have that name already.
+pub fn place_of_whole(file: &ExrFile, channels: &[usize]) -> Result<Place, Error> {
+    let layers = Layers::of(file);
+    if let Some(channels) = whole_of(&layers, channels).and_then(|layer| layer.channels_for(Role::Radiance)) {
+        return Ok(place(file, &channels));
+    }
+    let path = layers.layer_of(channels[0]).map_or("", |layer| &layer.path);
+    new_channels(file, file.channels[channels[0]].part, &split_half(path).0)
+}
+
+/// The layer that has the name of a half's, without its mark.
+fn whole_of<'a>(layers: &'a Layers, channels: &[usize]) -> Option<&'a Layer> {
+    let marked = layers.layer_of(channels[0])?;
+    layers.list.iter().find(|layer| layer.name(Reading::Unmarked) == Some(marked.unmarked()))
 }
 
 /// These channels, one or three, for one picture.
@@ -95,18 +113,19 @@ pub fn place(file: &ExrFile, channels: &[usize]) -> Place {
     Place { targets, were_half, name: shown(&names.join(",")) }
 }
 
-/// R, G, B at the root of a part, which has none of them.
-fn new_channels(file: &ExrFile, part: usize) -> Result<Place, Error> {
+/// R, G, B of a layer of a part, which has none of them; the root's where `path` is empty.
+fn new_channels(file: &ExrFile, part: usize, path: &str) -> Result<Place, Error> {
     let known = &file.container.parts[part].channels;
-    if let Some(other) = ["R", "G", "B"].iter().find(|name| known.iter().any(|c| c.name == name.as_bytes())) {
+    let names = ["R", "G", "B"].map(|end| if path.is_empty() { end.to_string() } else { format!("{path}.{end}") });
+    if let Some(other) = names.iter().find(|name| known.iter().any(|c| c.name == name.as_bytes())) {
         return Err(Error::Unsupported {
             path: file.path.clone(),
             purpose: file.purpose,
-            expected: "R, G and B, or none of them, to put the picture at".into(),
-            found: format!("{other} alone"),
+            expected: format!("{}, or none of them, to put the picture at", shown(&names.join(","))),
+            found: format!("{} alone", shown(other)),
         });
     }
-    let target = |(plane, name): (usize, &str)| Target {
+    let target = |(plane, name): (usize, &String)| Target {
         part,
         name: name.as_bytes().to_vec(),
         kind: SampleType::F32,
@@ -114,6 +133,6 @@ fn new_channels(file: &ExrFile, part: usize) -> Result<Place, Error> {
         planes: vec![plane],
         around: None,
     };
-    let targets = ["R", "G", "B"].into_iter().enumerate().map(target).collect();
-    Ok(Place { targets, were_half: false, name: "R,G,B".into() })
+    let targets = names.iter().enumerate().map(target).collect();
+    Ok(Place { targets, were_half: false, name: shown(&names.join(",")) })
 }

@@ -7,6 +7,7 @@ use sspc_kernels::parameters::Form;
 use sspc_onnx::{Contract, Model, write_network};
 use sspc_testkit::exr_parts::{Part, write_parts};
 use sspc_testkit::lit_frame::{LitFrame, read_layer};
+use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -21,14 +22,18 @@ fn folder_of(frame: &LitFrame) -> tempfile::TempDir {
     let contract = Contract::new(Form::Gated);
     let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
     let model = write_network(&Model::new(contract, weights).expect("a model"));
-    std::fs::write(folder.path().join("model.onnx"), model).expect("model");
+    fs::write(folder.path().join("model.onnx"), model).expect("model");
     folder
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
+    run_on(folder, &["a.exr", "b.exr"], arguments)
+}
+
+fn run_on(folder: &Path, halves: &[&str], arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sspc-infer"));
-    let fixed = ["run", "--model", "model.onnx", "a.exr", "b.exr", "-o", "out.exr", "--json"];
-    command.current_dir(folder).args(fixed).args(arguments).output().expect("sspc-infer runs")
+    command.current_dir(folder).args(["run", "--model", "model.onnx"]).args(halves);
+    command.args(["-o", "out.exr", "--json"]).args(arguments).output().expect("sspc-infer runs")
 }
 
 fn works(folder: &Path, arguments: &[&str]) {
@@ -63,11 +68,46 @@ fn light_groups_add_up_to_the_corrected_picture() {
                 ["a.exr", "out.exr"].map(|file| roughness(&read_layer(&folder.path().join(file), layer, "RGB")));
             assert!(made < 0.5 * noisy, "{layer}: {made} of {noisy}");
         }
-        let report = std::fs::read_to_string(folder.path().join("out.json")).expect("report");
+        let report = fs::read_to_string(folder.path().join("out.json")).expect("report");
         for word in ["light groups", "RGBA_fill", "largest_error", "noisy_difference"] {
             assert!(report.contains(word), "{word} in {report}");
         }
     }
+}
+
+#[test]
+fn one_file_may_hold_the_passes_of_both_halves() {
+    let frame = LitFrame::new(24, 40, LIGHTS);
+    let folder = folder_of(&frame);
+    works(folder.path(), &["--passes", "auto"]);
+    let at = |file: &str| folder.path().join(file);
+    let corrected = |layer: &str| read_layer(&at("out.exr"), layer, "RGB");
+    let expected: Vec<Image> = [""].iter().chain(LIGHTS).map(|layer| corrected(layer)).collect();
+    let names = ["", "denoised"].iter().chain(LIGHTS).copied();
+    let marked = names.flat_map(|layer| [("a", layer), ("b", layer)]).map(|(half, layer)| {
+        let image = read_layer(&at(&format!("{half}.exr")), layer, "RGB");
+        (format!("{}_{half}", if layer.is_empty() { "RGBA" } else { layer }), image)
+    });
+    let marked: Vec<(String, Image)> = marked.collect();
+    let layers: Vec<(&str, &str, &Image)> = marked.iter().map(|(name, image)| (name.as_str(), "RGB", image)).collect();
+    sspc_testkit::exr_parts::write_layers(&at("both.exr"), &layers);
+    let output = run_on(folder.path(), &["both.exr"], &["--passes", "auto"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // Where the file has no layer of both halves together, new ones.
+    for (layer, expected) in [""].iter().chain(LIGHTS).zip(&expected) {
+        assert!(corrected(layer) == *expected, "{layer} is as from two files");
+    }
+    for (layer, _, given) in &layers {
+        assert!(corrected(layer) == **given, "{layer} stays");
+    }
+    fs::remove_file(at("out.exr")).expect("the output");
+    // A pass of half a alone.
+    let lacking: Vec<_> = layers.iter().filter(|layer| layer.0 != "RGBA_fill_b").copied().collect();
+    sspc_testkit::exr_parts::write_layers(&at("both.exr"), &lacking);
+    let output = run_on(folder.path(), &["both.exr"], &["--passes", "auto"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("RGBA_fill_a") && said.contains("as in half a"), "{said}");
 }
 
 /// Mean squared difference between neighbours.
@@ -140,7 +180,7 @@ fn a_pass_of_one_half_or_of_another_size_is_named() {
     let folder = folder_of(&frame);
     let other = tempfile::tempdir().expect("folder");
     LitFrame::new(24, 40, &LIGHTS[..2]).write(other.path());
-    std::fs::copy(other.path().join("b.exr"), folder.path().join("b.exr")).expect("half b");
+    fs::copy(other.path().join("b.exr"), folder.path().join("b.exr")).expect("half b");
     fails(folder.path(), &["--passes", "auto"], &["b.exr", "RGBA_default", "as in half a"]);
     for (half, seed) in [("a.exr", 1), ("b.exr", 2)] {
         let beauty = ["R", "G", "B", "denoised.R", "denoised.G", "denoised.B"];
@@ -197,7 +237,7 @@ fn threads_do_not_show() {
     let folder = folder_of(&frame);
     let bytes = ["1", "3"].map(|threads| {
         works(folder.path(), &["--passes", "auto", "--alpha", "--threads", threads]);
-        std::fs::read(folder.path().join("out.exr")).expect("output")
+        fs::read(folder.path().join("out.exr")).expect("output")
     });
     assert!(bytes[0] == bytes[1], "other bytes with other threads");
 }

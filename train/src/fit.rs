@@ -185,7 +185,7 @@ pub(crate) fn fit_variant(
     mut observe: impl FnMut(&StepRecord) -> Control,
 ) -> Fitted {
     let start = Instant::now();
-    let objectives: Vec<_> = prepared.iter().zip(bases).map(|(p, base)| objective_of(p, base, settings)).collect();
+    let mut objectives: Vec<_> = prepared.iter().zip(bases).map(|(p, base)| objective_of(p, base, settings)).collect();
     let of_frame = |(frame, p): (usize, &&Prepared)| schedule(settings, p, frame, limits.steps);
     let mut schedules: Vec<Schedule> = prepared.iter().enumerate().map(of_frame).collect();
     // Frames in turn; one without any noise has nothing to teach.
@@ -209,6 +209,10 @@ pub(crate) fn fit_variant(
         let frame = taught[step % taught.len()];
         let tiles = schedules[frame].next_batch();
         let done = (step as f64 / steps as f64).max(limits.elapsed_share(start)).min(1.0);
+        let radius = settings.radius_at(done);
+        if objectives[frame].taps.radius() != radius {
+            objectives[frame].taps = Taps::square(radius);
+        }
         let (influence, frozen_outputs) = (settings.influence.at(done), settings.combination.frozen_outputs());
         let of_tiles = objective::Step { objective: &objectives[frame], shape, isa, influence, frozen_outputs };
         let (loss, gradient) = of_tiles.run(&model.to_vec(), &tiles, &workspaces);

@@ -4,7 +4,7 @@ use super::PassSelection;
 use super::names::{CONVENTIONS, Convention, Lobe, is_light_group};
 use crate::error::Error;
 use crate::exr_file::ExrFile;
-use crate::layers::{Layer, Layers};
+use crate::layers::{Layer, Layers, Name, Reading};
 use sspc_image::{Role, shown};
 
 /// Layers that may add up to the picture.
@@ -27,13 +27,22 @@ pub struct FoundPass {
     pub colour: Option<(String, Vec<usize>)>,
 }
 
-/// The layers of a file that are pictures of the view of the noisy colour, whose layer is `own`, itself left out.
-pub fn others<'a>(layers: &'a Layers, own: &Layer) -> Vec<&'a Layer> {
+/// A layer of half a, and what its name says of it.
+#[derive(Clone, Copy)]
+pub struct OfHalf<'a> {
+    /// The layer.
+    pub layer: &'a Layer,
+    name: &'a Name,
+}
+
+/// The layers of half a that are pictures of the view of the noisy colour, whose layer is `own`, itself left out.
+pub fn others<'a>(layers: &'a Layers, own: &Layer, reading: Reading) -> Vec<OfHalf<'a>> {
     let is_other = |layer: &&Layer| {
         let is_own = layer.path == own.path && layer.part == own.part;
         layer.view == own.view && !is_own && layer.channels_for(Role::Radiance).is_some()
     };
-    layers.list.iter().filter(is_other).collect()
+    let of_half = |layer: &'a Layer| Some(OfHalf { layer, name: layer.name(reading)? });
+    layers.list.iter().filter(is_other).filter_map(of_half).collect()
 }
 
 /// Sets of passes beside the noisy colour, as far as names tell; `roles` are channels that play other roles, which no `*`
@@ -45,20 +54,22 @@ pub fn find(
     file: &ExrFile,
     layers: &Layers,
     own: &Layer,
+    reading: Reading,
     roles: &[usize],
     selection: &PassSelection,
 ) -> Result<Vec<FoundSet>, Error> {
-    let others = others(layers, own);
-    let is_beside = |layer: &&&Layer| layer.plain().group == own.plain().group;
+    let others = others(layers, own, reading);
+    let group = own.name(reading).map(|name| &name.group);
+    let is_beside = |other: &&OfHalf| Some(&other.name.group) == group;
     match selection {
         PassSelection::Recognised => Ok(recognised(&others.iter().filter(is_beside).copied().collect::<Vec<_>>())),
         PassSelection::Named(patterns) => named(file, layers, &others, roles, patterns).map(|set| vec![set]),
     }
 }
 
-fn recognised(beside: &[&Layer]) -> Vec<FoundSet> {
+fn recognised(beside: &[OfHalf]) -> Vec<FoundSet> {
     let groups: Vec<FoundPass> =
-        beside.iter().filter(|layer| is_light_group(&layer.plain().last)).map(|layer| pass(layer, beside)).collect();
+        beside.iter().filter(|other| is_light_group(&other.name.last)).map(|other| pass(other, beside)).collect();
     let mut sets = vec![FoundSet { what: "light groups".into(), passes: groups }];
     for Convention { renderer, lobes, .. } in CONVENTIONS {
         // Where a lobe and its parts are there, either may be meant.
@@ -74,11 +85,11 @@ fn recognised(beside: &[&Layer]) -> Vec<FoundSet> {
     sets
 }
 
-fn layers_of(lobe: &Lobe, parts_first: bool, beside: &[&Layer]) -> Vec<FoundPass> {
-    let whole = lobe.names.iter().find_map(|name| beside.iter().find(|layer| layer.plain().last == *name));
-    let whole: Vec<FoundPass> = whole.into_iter().map(|layer| pass(layer, beside)).collect();
-    let is_part = |layer: &&&Layer| lobe.parts.contains(&layer.plain().last.as_str());
-    let parts: Vec<FoundPass> = beside.iter().filter(is_part).map(|layer| pass(layer, beside)).collect();
+fn layers_of(lobe: &Lobe, parts_first: bool, beside: &[OfHalf]) -> Vec<FoundPass> {
+    let whole = lobe.names.iter().find_map(|name| beside.iter().find(|other| other.name.last == *name));
+    let whole: Vec<FoundPass> = whole.into_iter().map(|other| pass(other, beside)).collect();
+    let is_part = |other: &&OfHalf| lobe.parts.contains(&other.name.last.as_str());
+    let parts: Vec<FoundPass> = beside.iter().filter(is_part).map(|other| pass(other, beside)).collect();
     match parts_first {
         _ if parts.is_empty() => whole,
         _ if whole.is_empty() => parts,
@@ -88,11 +99,12 @@ fn layers_of(lobe: &Lobe, parts_first: bool, beside: &[&Layer]) -> Vec<FoundPass
 }
 
 /// A layer as a pass, with its colour where its name says that it has one.
-fn pass(layer: &Layer, beside: &[&Layer]) -> FoundPass {
-    let last = layer.plain().last.as_str();
+fn pass(&OfHalf { layer, name }: &OfHalf, beside: &[OfHalf]) -> FoundPass {
+    let last = name.last.as_str();
     let lobe = CONVENTIONS.iter().flat_map(|convention| convention.lobes).find(|lobe| lobe.names.contains(&last));
     let colour = lobe.and_then(|lobe| {
-        let layer = lobe.colour.iter().find_map(|name| beside.iter().find(|layer| layer.plain().last == *name))?;
+        let OfHalf { layer, .. } =
+            lobe.colour.iter().find_map(|name| beside.iter().find(|other| other.name.last == *name))?;
         Some((layer.path.clone(), layer.channels_for(Role::Radiance)?))
     });
     FoundPass { name: layer.path.clone(), channels: layer.channels_for(Role::Radiance).unwrap_or_default(), colour }
@@ -101,16 +113,16 @@ fn pass(layer: &Layer, beside: &[&Layer]) -> FoundPass {
 fn named(
     file: &ExrFile,
     layers: &Layers,
-    others: &[&Layer],
+    others: &[OfHalf],
     roles: &[usize],
     patterns: &[String],
 ) -> Result<FoundSet, Error> {
     let mut passes: Vec<FoundPass> = Vec::new();
     for pattern in patterns {
         let wanted = pattern.trim().to_lowercase();
-        let names = |layer: &Layer| [layer.path.to_lowercase(), layer.plain().whole(), layer.plain().last.clone()];
-        let is_free = |layer: &&&Layer| !wanted.contains('*') || !roles.iter().any(|&channel| layer.holds(channel));
-        let is_hit = |layer: &&&Layer| names(layer).iter().any(|name| matches(&wanted, name));
+        let names = |other: &OfHalf| [other.layer.path.to_lowercase(), other.name.whole(), other.name.last.clone()];
+        let is_free = |other: &&OfHalf| !wanted.contains('*') || !roles.iter().any(|&at| other.layer.holds(at));
+        let is_hit = |other: &&OfHalf| names(other).iter().any(|name| matches(&wanted, name));
         let mut hits = others.iter().filter(is_free).filter(is_hit).peekable();
         if hits.peek().is_none() {
             return Err(Error::Passes {
@@ -119,7 +131,7 @@ fn named(
                 found: layers.summary(),
             });
         }
-        for hit in hits.map(|layer| pass(layer, others)) {
+        for hit in hits.map(|other| pass(other, others)) {
             if !passes.contains(&hit) {
                 passes.push(hit);
             }

@@ -6,7 +6,8 @@
 //! | `find` | layers that may be passes, by their names or the user's word |
 //! | `sums` | whether they add up, and what is missing or double |
 //!
-//! Passes lie in the files of the noisy halves, in layers beside the noisy colour. Rows are read when they are asked for.
+//! Passes lie in the files of the noisy halves, in layers beside the noisy colour, which have the marks of the halves where one file
+//! holds both. Rows are read when they are asked for.
 
 mod find;
 pub mod names;
@@ -15,8 +16,9 @@ mod sums;
 use crate::align::Placing;
 use crate::error::Error;
 use crate::exr_file::ExrFile;
-use crate::layers::Layers;
+use crate::layers::{Layer, Layers, Reading};
 use crate::output::OutputPlan;
+use crate::place::{Place, place, place_of_whole};
 use crate::resolve::{Filled, Resolution};
 use crate::window::Window;
 use exr::meta::attribute::SampleType;
@@ -50,6 +52,8 @@ pub struct OpenPass {
     /// Which of the colours it is multiplied by.
     pub colour: Option<usize>,
     /// How half a's file keeps it.
+    given: Storage,
+    /// How the output keeps it.
     pub storage: Storage,
 }
 
@@ -67,6 +71,8 @@ pub struct OpenSet {
 /// The additive passes of a frame.
 pub struct OpenPasses {
     files: [ExrFile; 2],
+    /// How names of half a's layers and of half b's are read.
+    readings: [Reading; 2],
     /// What each half weighs.
     weights: HalfWeights,
     /// The noisy colour of half a and of half b.
@@ -105,11 +111,13 @@ impl OpenPasses {
         let noisy = [Buffer::A, Buffer::B].map(|buffer| resolution.get(Role::Radiance, buffer));
         let [Some(a), Some(b)] = noisy else { unreachable!("resolve() has refused frames without colour") };
         let files = [a, b].map(|filled| resolution.files[filled.file].clone());
-        if a.file == b.file {
-            return Err(refused(&files[0], "a file for each half, with the same layers", "both halves in one file"));
-        }
+        let readings = match a.file == b.file {
+            false => [Reading::Plain; 2],
+            true => [Reading::Marked(Buffer::A), Reading::Marked(Buffer::B)],
+        };
         let mut open = Self {
             files,
+            readings,
             weights,
             noisy: [a.clone(), b.clone()],
             passes: Vec::new(),
@@ -123,6 +131,9 @@ impl OpenPasses {
                 resolution.filled.iter().filter(of_a).flat_map(|filled| filled.channels.clone()).collect();
             open.find_sets(selection, &roles)?;
         }
+        if alpha && open.is_one_file() {
+            return Err(refused(&open.files[0], "a file for each half, for --alpha", "both halves in one file"));
+        }
         if alpha {
             open.alpha = Some(open.find_alpha()?);
         }
@@ -133,7 +144,11 @@ impl OpenPasses {
         let file = &self.files[0];
         let layers = Layers::of(file);
         let Some(own) = layers.layer_of(self.noisy[0].channels[0]) else { unreachable!("colour is in a layer") };
-        let found = find(file, &layers, own, roles, selection)?;
+        if own.name(self.readings[0]).is_none() {
+            let expected = "marks of the halves, as in 'beauty_a' and 'beauty_b', where one file holds both";
+            return Err(refused(file, expected, &layers.summary()));
+        }
+        let found = find(file, &layers, own, self.readings[0], roles, selection)?;
         if found.is_empty() {
             let expected = "light groups or lobes beside the noisy colour, by names that are known";
             return Err(refused(file, expected, &layers.summary()));
@@ -191,7 +206,10 @@ impl OpenPasses {
     fn both(&self, name: &str, channels: &[usize], colour: Option<usize>) -> Result<OpenPass, Error> {
         let [a, b] = &self.files;
         let names: Vec<&str> = channels.iter().map(|&at| a.channels[at].name.as_str()).collect();
-        let same: Option<Vec<usize>> = names.iter().map(|name| b.channel_named(name)).collect();
+        let same: Option<Vec<usize>> = match self.is_one_file() {
+            true => self.other_mark(channels[0]),
+            false => names.iter().map(|name| b.channel_named(name)).collect(),
+        };
         let Some(same) = same else {
             let expected = format!("{}, as in half a", shown(&names.join(",")));
             return Err(refused(b, &expected, &Layers::of(b).summary()));
@@ -207,8 +225,19 @@ impl OpenPasses {
                 ));
             }
         }
-        let storage = self.storage(&channels[0]);
-        Ok(OpenPass { name: name.to_string(), channels, colour, storage })
+        let given = self.storage(&channels[0]);
+        let storage = if self.place(&channels[0])?.were_half { Storage::Half } else { Storage::Float };
+        Ok(OpenPass { name: name.to_string(), channels, colour, given, storage })
+    }
+
+    /// R, G, B of the layer that is named as that of a channel of half a, but for the mark, in a file of both halves.
+    fn other_mark(&self, channel: usize) -> Option<Vec<usize>> {
+        let layers = Layers::of(&self.files[0]);
+        let [of_a, of_b] = self.readings;
+        let name = layers.layer_of(channel)?.name(of_a)?;
+        let view = layers.layer_of(self.noisy[1].channels[0])?.view;
+        let is_same = |layer: &&Layer| layer.view == view && layer.name(of_b) == Some(name);
+        layers.list.iter().filter(is_same).find_map(|layer| layer.channels_for(Role::Radiance))
     }
 
     /// Half floats where all of these channels are.
@@ -353,9 +382,10 @@ impl OpenPasses {
         let layers = Layers::of(file);
         let own = layers.layer_of(self.noisy[0].channels[0]);
         let is_used = |name: &str| passes.iter().chain(colours).any(|layer| layer.name == name);
-        let others = own.map(|own| others(&layers, own)).unwrap_or_default();
+        let others = own.map(|own| others(&layers, own, self.readings[0])).unwrap_or_default();
         let others: Vec<OpenPass> = others
             .into_iter()
+            .map(|other| other.layer)
             .filter(|layer| !is_used(&layer.path))
             .filter_map(|layer| self.both(&layer.path, &layer.channels_for(Role::Radiance)?, None).ok())
             .take(MOST_EXPLANATIONS)
@@ -375,7 +405,21 @@ impl OpenPasses {
         Ok(refused(file, &expected, &found))
     }
 
-    /// Where the passes, their colours and alpha go, in this order: in the place of half a's.
+    /// Where a layer goes.
+    fn place(&self, channels: &[usize]) -> Result<Place, Error> {
+        match self.is_one_file() {
+            true => place_of_whole(&self.files[0], channels),
+            false => Ok(place(&self.files[0], channels)),
+        }
+    }
+
+    /// Whether one file holds both halves.
+    fn is_one_file(&self) -> bool {
+        self.readings[0] != Reading::Plain
+    }
+
+    /// Where the passes, their colours and alpha go, in this order: in the place of half a's, or of both together where one
+    /// file holds both.
     ///
     /// # Errors
     /// As [`OutputPlan::of_frame`].
@@ -384,9 +428,9 @@ impl OpenPasses {
         let noisy = &self.noisy[0];
         let display = Placing::of(file, noisy.channels[0]).display;
         let placing = Placing { window: noisy.window, display };
-        let layers = self.passes.iter().chain(&self.colours).map(|layer| layer.channels[0].clone());
-        let channels = layers.chain(self.alpha.map(|(channels, _)| vec![channels[0]])).collect();
-        OutputPlan::of_channels(file, channels, placing)
+        let layers = self.passes.iter().chain(&self.colours).map(|layer| self.place(&layer.channels[0]));
+        let alpha = self.alpha.map(|(channels, _)| Ok(place(file, &channels[..1])));
+        OutputPlan::of_places(file, layers.chain(alpha).collect::<Result<_, _>>()?, placing)
     }
 }
 
@@ -394,7 +438,7 @@ fn parts<'a>(layers: &[OpenPass], images: &'a [Image], colours: &'a [Image]) -> 
     let part = |(layer, pass): (&OpenPass, &'a Image)| Part {
         pass,
         colour: layer.colour.map(|at| &colours[at]),
-        storage: layer.storage,
+        storage: layer.given,
     };
     layers.iter().zip(images).map(part).collect()
 }

@@ -3,10 +3,10 @@
 
 use sspc_core::rng::Rng;
 use sspc_image::Image;
-use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
+use sspc_kernels::features::{ALBEDO, FEATURE_CHANNELS, FeatureSet, RADIANCE};
 use sspc_kernels::gc::{self, Correction, NoUpstream, ParameterPlanes, Taps};
 use sspc_kernels::network::{self, Network, Shape};
-use sspc_kernels::parameters::{self, Form, activation_f64};
+use sspc_kernels::parameters::{self, BANDWIDTHS, CENTRE, Form, activation_f64};
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
@@ -141,6 +141,37 @@ fn g_c_and_its_gradient_match_the_oracle() {
             let case = Case { height, width, radius, region, form, spread, set, missing };
             check(&case, &Taps::square(radius), i as u64 + 1);
         }
+    }
+}
+
+/// The oracle has the kernels' own floor of Σw, so this is by hand: around a missing centre Σw is that of 24 taps, and where that is
+/// below 1e-5, g_c of a grey picture falls with it. The centre alone weighs 1e-4 at least, ten times the floor.
+#[test]
+fn the_sum_of_weights_has_its_floor_and_no_higher_one() {
+    let (taps, region) = (Taps::square(2), Region { top: 2, left: 2, height: 1, width: 1 });
+    let image = Image::from_fn(FEATURE_CHANNELS, 5, 5, |c, y, x| match c {
+        RADIANCE..=2 => 1.0,
+        ALBEDO => f32::from((y, x) != (2, 2)),
+        _ => 0.0,
+    });
+    let missing_centre = Image::from_fn(1, 5, 5, |_, y, x| f32::from((y, x) != (2, 2)));
+    let weights_of = |gamma: f32, tau: f32| {
+        let mut parameters = vec![0.0; Form::Paper.parameters()];
+        (parameters[BANDWIDTHS], parameters[CENTRE]) = (gamma, tau);
+        parameters
+    };
+    for isa in Isa::available() {
+        let g_c = |valid: Option<&Image>, parameters: &[f32]| {
+            let windows = Windows::new(&image, valid, FeatureSet::ALL, 2);
+            correct(isa, Form::Paper, &windows, &taps, region, parameters)[0]
+        };
+        // w = exp(-γ) of each tap.
+        for (sum, expected) in [(1e-3f32, 1.0), (2e-5, 1.0), (5e-6, 0.5), (1e-7, 0.01)] {
+            let g = g_c(Some(&missing_centre), &weights_of(-(sum / 24.0).ln(), 1.0));
+            assert!((g / expected - 1.0).abs() < 1e-4, "{}: Σw = {sum}: {g}, not {expected}", isa.name());
+        }
+        let g = g_c(None, &weights_of(1e4, 1e-4));
+        assert!((g - 1.0).abs() < 1e-6, "{}: the centre alone: {g}", isa.name());
     }
 }
 
