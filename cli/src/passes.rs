@@ -11,6 +11,7 @@ use sspc_core::tiles::ParameterSource;
 use sspc_frames::error::Error;
 use sspc_frames::{MadeVariant, OpenFrame, OpenPasses, OutputPlan, PassSelection};
 use sspc_image::{CompactImage, Image, shown};
+use std::cell::RefCell;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -192,16 +193,26 @@ impl FramePasses {
     ) -> Result<CorrectedPasses, SplitError<B::Error, P::Error, Error>> {
         let begin = Instant::now();
         let (height, width) = (picture.height(), picture.width());
-        let of_passes = self.open.passes.len();
-        let mut pictures: Vec<Image> = (0..of_passes).map(|_| Image::zeros(3, height, width)).collect();
+        self.denoised.resize(self.open.passes.len(), None);
+        // Denoised pictures lie where the corrected ones will, band by band: memory has room for one of both.
+        let has_denoised = self.denoised.iter().map(Option::is_some).collect();
+        let picture_of = |denoised: Option<CompactImage>| match denoised {
+            Some(denoised) => denoised.rows(0..height),
+            None => Image::zeros(3, height, width),
+        };
+        let pictures: Vec<Image> = std::mem::take(&mut self.denoised).into_iter().map(picture_of).collect();
+        let pictures = RefCell::new(pictures);
         let mut alpha = self.open.alpha_storage().map(|_| Image::zeros(1, height, width));
         let mut colours: Vec<Image> = self.open.colours.iter().map(|_| Image::zeros(3, height, width)).collect();
-        let mut source = Reader { passes: &mut self, colours: &mut colours };
-        let sum =
-            split(frame, parameters, how, picture, &mut source, stop, |k, top, rows| match pictures.get_mut(k) {
+        let denoised = DenoisedRows { pictures: &pictures, has_denoised, before: (0..0, Vec::new()) };
+        let mut source = Reader { passes: &self, colours: &mut colours, denoised };
+        let sum = split(frame, parameters, how, picture, &mut source, stop, |k, top, rows| {
+            match pictures.borrow_mut().get_mut(k) {
                 Some(picture) => picture.put_rows(top, rows),
                 None => alpha.iter_mut().for_each(|alpha| alpha.put_rows(top, rows)),
-            })?;
+            }
+        })?;
+        let mut pictures = pictures.into_inner();
         let report = PassesReport {
             sets: self.sets(),
             by: self.by,
@@ -217,8 +228,9 @@ impl FramePasses {
 
 /// Rows of passes for the split; their colours are kept as they are read.
 struct Reader<'a> {
-    passes: &'a mut FramePasses,
+    passes: &'a FramePasses,
     colours: &'a mut [Image],
+    denoised: DenoisedRows<'a>,
 }
 
 impl PassSource for Reader<'_> {
@@ -229,17 +241,50 @@ impl PassSource for Reader<'_> {
     }
 
     fn rows(&mut self, rows: Range<usize>) -> Result<Vec<PassRows>, Error> {
-        let FramePasses { open, denoised, .. } = &*self.passes;
+        let open = &self.passes.open;
         let read = open.rows(rows.clone())?;
         for (whole, colour) in self.colours.iter_mut().zip(&read.colours) {
             whole.put_rows(rows.start, colour);
         }
-        let pass = |(k, halves): (usize, [Image; 2])| PassRows {
+        let pass = |((k, halves), denoised): ((usize, [Image; 2]), Option<Image>)| PassRows {
             halves,
             colour: open.passes[k].colour.map(|at| read.colours[at].clone()),
-            denoised: denoised.get(k).and_then(Option::as_ref).map(|picture| picture.rows(rows.clone())),
+            denoised,
         };
         let alpha = read.alpha.map(|halves| PassRows { halves, colour: None, denoised: None });
-        Ok(read.passes.into_iter().enumerate().map(pass).chain(alpha).collect())
+        let denoised = self.denoised.rows(rows);
+        Ok(read.passes.into_iter().enumerate().zip(denoised).map(pass).chain(alpha).collect())
+    }
+}
+
+/// Rows of denoised pictures that give way to the corrected ones, from the first row to the last.
+struct DenoisedRows<'a> {
+    /// Denoised below the rows that were put, corrected there.
+    pictures: &'a RefCell<Vec<Image>>,
+    has_denoised: Vec<bool>,
+    /// The rows that were asked for last, as they were then: the next ones begin among them.
+    before: (Range<usize>, Vec<Option<Image>>),
+}
+
+impl DenoisedRows<'_> {
+    fn rows(&mut self, rows: Range<usize>) -> Vec<Option<Image>> {
+        let (known, images) = &self.before;
+        let pictures = self.pictures.borrow();
+        let of_picture = |k: usize| {
+            let (picture, known_rows) = (&pictures[k], images.get(k).and_then(Option::as_ref));
+            self.has_denoised[k].then(|| {
+                Image::from_rows(3, rows.len(), picture.width(), |c, y, row| {
+                    let y = rows.start + y;
+                    let own = match known_rows.filter(|_| known.contains(&y)) {
+                        Some(image) => image.row(c, y - known.start),
+                        None => picture.row(c, y),
+                    };
+                    row.copy_from_slice(own);
+                })
+            })
+        };
+        let found: Vec<Option<Image>> = (0..pictures.len()).map(of_picture).collect();
+        self.before = (rows, found.clone());
+        found
     }
 }

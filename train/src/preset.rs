@@ -141,6 +141,9 @@ fn limit_or_null<S: serde::Serializer>(influence: &Influence, serializer: S) -> 
 /// Radius of g_c's window where time matters: less than half the taps, a hundredth more error after as many steps.
 const SMALL_RADIUS: usize = 6;
 
+/// Share of the training in which windows may be smaller than in the picture.
+const EARLY: f64 = 0.8;
+
 /// `quality`'s steps are for this many pixels at least.
 const QUALITY_STEPS_GROW_FROM: usize = 640 * 360;
 
@@ -186,6 +189,9 @@ pub struct Settings {
     /// Radius of g_c's window, pixels.
     #[serde(rename = "window_radius")]
     pub radius: usize,
+    /// Radius of the window over the first [`EARLY`] of the training, at most `radius`.
+    #[serde(rename = "early_window_radius")]
+    pub early_radius: usize,
     /// How radiance is brought to the method's scale.
     pub exposure: Exposure,
     /// The weights before the first step.
@@ -233,6 +239,11 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Radius of g_c's window when this share of the training, 0..1, is done.
+    pub fn radius_at(&self, done: f64) -> usize {
+        if done < EARLY { self.early_radius.min(self.radius) } else { self.radius }
+    }
+
     /// Whether training leaves out pixels of a frame of this size, to judge the picture by: not where they would be too
     /// few.
     pub fn leaves_pixels_out(&self, height: usize, width: usize) -> bool {
@@ -269,6 +280,7 @@ impl Settings {
             form: Form::Gated,
             shape: Shape::shallow(Form::Gated),
             radius: PAPER_RADIUS,
+            early_radius: PAPER_RADIUS,
             exposure: Exposure::OfNoise,
             start: Start::Analytic { gate: 0.7 },
             combination: Combination::PostCorrection,

@@ -17,8 +17,9 @@ const TILES: (usize, usize) = (8, 512);
 const MAX_BATCH: usize = 256;
 
 /// Every key and what it may be, as `--help` and messages show them.
-pub const KEYS: [(&str, &str); 14] = [
+pub const KEYS: [(&str, &str); 15] = [
     ("window", "side of the window of g_c in pixels, odd, 3 to 25"),
+    ("early-window", "side of that window over the first four fifths of the steps, odd, 3 to 25"),
     ("hidden", "channels of a hidden layer, 1 to 16"),
     ("layers", "convolutions, 1 to 32"),
     ("combination", "gc, or fc (Deep Combiner's function)"),
@@ -102,6 +103,10 @@ impl Change {
             "window" => {
                 let side = self.number(|side| side % 2 == 1 && (MIN_WINDOW..=MAX_WINDOW).contains(side))?;
                 settings.radius = side / 2;
+            }
+            "early-window" => {
+                let side = self.number(|side| side % 2 == 1 && (MIN_WINDOW..=MAX_WINDOW).contains(side))?;
+                settings.early_radius = side / 2;
             }
             "hidden" => settings.shape.hidden = self.number(|n| (1..=MAX_CHANNELS).contains(n))?,
             "layers" => settings.shape.layers = self.number(|n| (1..=MAX_LAYERS).contains(n))?,
@@ -208,9 +213,10 @@ mod tests {
             f(&mut settings);
             settings
         };
-        let cases: [(&str, Settings); 16] = [
+        let cases: [(&str, Settings); 17] = [
             ("window=7", small(&|s| s.radius = 3)),
             ("window=25", small(&|s| s.radius = 12)),
+            ("early-window=7", small(&|s| s.early_radius = 3)),
             ("hidden=1", small(&|s| s.shape.hidden = 1)),
             ("layers=4", small(&|s| s.shape.layers = 4)),
             ("combination=fc", small(&|s| s.combination = Combination::DeepCombiner)),
@@ -243,6 +249,7 @@ mod tests {
     fn a_wrong_value_is_told_what_is_allowed() {
         let wrong = [
             ("window", vec!["8", "1", "27", "-3", "x", ""]),
+            ("early-window", vec!["8", "27", "x"]),
             ("hidden", vec!["0", "17", "1.5"]),
             ("layers", vec!["0", "33"]),
             ("combination", vec!["GC", "f_c"]),

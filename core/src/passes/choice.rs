@@ -5,7 +5,6 @@
 //! show is kept by the small window, and noise is averaged over the whole one. What is not left to them is how wrong a pass may be
 //! in the end: measured so, noise of the measure gave dim passes the differences of bright ones, and errors doubled.
 
-use super::PassRows;
 use super::filtered::Candidates;
 use crate::box_mean::box_mean;
 use crate::objective::RELATIVE_FLOOR;
@@ -45,8 +44,8 @@ impl Chosen {
     }
 }
 
-/// The best picture of a pass in the rows `inner` of a band.
-pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner: &Range<usize>) -> Chosen {
+/// The best picture of a pass in the rows `inner` of a band; `denoised` is one in the units of its file.
+pub(super) fn choose(prepared: &Prepared, of: Candidates, denoised: Option<&Image>, inner: &Range<usize>) -> Chosen {
     let Candidates { noisy, whole, small, valid } = of;
     let (exposure, weights) = (prepared.exposure, prepared.weights);
     let (height, width) = (valid.height(), valid.width());
@@ -73,7 +72,7 @@ pub(super) fn choose(prepared: &Prepared, of: Candidates, pass: &PassRows, inner
         })
     });
     let mut picture = weights.mean_of(&mixed[0], &mixed[1]);
-    if let Some(denoised) = &pass.denoised {
+    if let Some(denoised) = denoised {
         picture = beside_denoised(denoised, &picture, (exposure, weights), &noisy);
     }
     keep_certain(&mut picture, &noisy, weights);

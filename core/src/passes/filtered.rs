@@ -1,6 +1,5 @@
 //! The halves of passes averaged by the weights of g_c, which were fitted to the picture that they are parts of.
 
-use super::PassRows;
 use crate::corrector::means;
 use crate::plan::Plan;
 use crate::prepare::{Guides, Prepared};
@@ -41,18 +40,21 @@ pub(super) struct Filter<'a> {
 type Averaged = [Vec<Image>; 2];
 
 impl Filter<'_> {
-    /// The candidates of every pass of a band: the mean over the networks, each with weights of its own.
+    /// The candidates of every pass of a band, by its halves: the mean over the networks, each with weights of its own.
     pub fn run<S: ParameterSource + ?Sized>(
         &self,
         prepared: &Prepared,
         source: &S,
         computed: &Plan,
-        passes: &[PassRows],
+        passes: Vec<[Image; 2]>,
     ) -> Result<Vec<Candidates>, S::Error> {
-        let valid = validity(prepared, passes);
-        let noisy = [0, 1].map(|h| -> Vec<Image> {
-            passes.iter().map(|pass| in_units(&pass.halves[h], prepared.exposure, &valid)).collect()
-        });
+        let valid = validity(prepared, &passes);
+        let mut noisy = [Vec::new(), Vec::new()];
+        for halves in passes {
+            for (noisy, half) in noisy.iter_mut().zip(halves) {
+                noisy.push(in_units(half, prepared.exposure, &valid));
+            }
+        }
         let mut averaged: [Averaged; 2] = noisy.each_ref().map(|noisy| [noisy.clone(), noisy.clone()]);
         for k in 0..prepared.networks() {
             let of_network = prepared.of_variant(k);
@@ -139,13 +141,13 @@ fn fill_missing(noisy: &mut Image, whole: &Image, valid: &Image) {
 }
 
 /// Where the picture's pixels and those of all passes are there.
-fn validity(prepared: &Prepared, passes: &[PassRows]) -> Image {
+fn validity(prepared: &Prepared, passes: &[[Image; 2]]) -> Image {
     Image::from_rows(1, prepared.height(), prepared.width(), |_, y, row| {
         match &prepared.valid {
             Some(valid) => row.copy_from_slice(valid.row(0, y)),
             None => row.fill(1.0),
         }
-        for half in passes.iter().flat_map(|pass| &pass.halves) {
+        for half in passes.iter().flatten() {
             for c in 0..half.channels() {
                 for (valid, value) in row.iter_mut().zip(half.row(c, y)) {
                     *valid = if value.is_finite() { *valid } else { 0.0 };
@@ -156,10 +158,11 @@ fn validity(prepared: &Prepared, passes: &[PassRows]) -> Image {
 }
 
 /// A pass in the method's units, of either sign; 0 where it is missing.
-fn in_units(pass: &Image, exposure: f32, valid: &Image) -> Image {
-    Image::from_rows(pass.channels(), pass.height(), pass.width(), |c, y, row| {
-        for ((out, value), valid) in row.iter_mut().zip(pass.row(c, y)).zip(valid.row(0, y)) {
-            *out = if *valid != 0.0 { (value * exposure).clamp(-LARGEST, LARGEST) } else { 0.0 };
+fn in_units(mut pass: Image, exposure: f32, valid: &Image) -> Image {
+    pass.for_each_row(|_, y, row| {
+        for (value, valid) in row.iter_mut().zip(valid.row(0, y)) {
+            *value = if *valid != 0.0 { (*value * exposure).clamp(-LARGEST, LARGEST) } else { 0.0 };
         }
-    })
+    });
+    pass
 }

@@ -27,9 +27,9 @@ use sspc_kernels::gc::Taps;
 use std::ops::Range;
 
 /// Memory that a band may take.
-const BAND_BYTES: usize = 512 << 20;
-/// What a pixel of a band takes of each pass: both halves as read, in the method's units and averaged over two windows.
-const BYTES_PER_PASS: usize = 4 * 2 * 3 * size_of::<f32>();
+const BAND_BYTES: usize = 384 << 20;
+/// What a pixel of a band takes of each pass: both halves, as they are and averaged over two windows.
+const BYTES_PER_PASS: usize = 3 * 2 * 3 * size_of::<f32>();
 /// Fewest rows of a band.
 const LEAST_ROWS: usize = 48;
 
@@ -127,16 +127,16 @@ pub fn split<B: BandSource, P: ParameterSource + ?Sized, S: PassSource>(
         // Halves that are not independent are not corrected, and nothing of the frame is planned.
         let everywhere = matches!(frame_trust, Trust::None(_)).then(|| Plan::everything(band.prepared.height(), width));
         let computed = everywhere.as_ref().unwrap_or(&band.prepared.plan);
-        let candidates = filter.run(&band.prepared, parameters, computed, &of_band).map_err(SplitError::Parameters)?;
-        let chosen: Vec<Chosen> = of_band
-            .iter()
-            .zip(candidates)
-            .map(|(pass, of_pass)| choose(&band.prepared, of_pass, pass, &band.inner))
-            .collect();
-        let colours: Vec<Option<Image>> = of_band
-            .into_iter()
-            .map(|pass| pass.colour.map(|c| c.crop(band.inner.start, 0, rows.len(), width)))
-            .collect();
+        let (mut halves, mut denoised, mut colours) = (Vec::new(), Vec::new(), Vec::new());
+        for pass in of_band {
+            halves.push(pass.halves);
+            denoised.push(pass.denoised);
+            colours.push(pass.colour.map(|colour| colour.crop(band.inner.start, 0, rows.len(), width)));
+        }
+        let candidates = filter.run(&band.prepared, parameters, computed, halves).map_err(SplitError::Parameters)?;
+        let chosen = candidates.into_iter().zip(denoised);
+        let chosen: Vec<Chosen> =
+            chosen.map(|(of_pass, denoised)| choose(&band.prepared, of_pass, denoised.as_ref(), &band.inner)).collect();
         let picture = picture.crop(rows.start, 0, rows.len(), width);
         for set in &layout.sets {
             let stored =
