@@ -47,6 +47,7 @@ VARIANTS = [
     ),
     # Includes the preset's own size, whose row must equal the first one.
     *of("window", *((f"{side} x {side}", f"window={side}") for side in (7, 11, 15, 19, 25))),
+    *of("first windows", ("whole from the start", "early-window=19"), ("9 x 9", "early-window=9")),
     # The kernels hold at most 16 channels.
     *of("hidden channels", *((f"{n}", f"hidden={n}") for n in (4, 8, 12, 16))),
     *of("convolutions", *((f"{n}", f"layers={n}") for n in (2, 3, 5, 9))),

@@ -4,7 +4,7 @@ use crate::correct::{BandInput, BandSource, Ground};
 use crate::differences::{Readings, Search};
 use crate::frame_stats::FrameStats;
 use crate::prepare::Prepared;
-use sspc_image::{FrameRows, Image};
+use sspc_image::{Frame, FrameRows, Image};
 use std::borrow::Cow;
 use std::convert::Infallible;
 use std::ops::Range;
@@ -109,6 +109,14 @@ impl<'a> PreparedFrame<'a> {
     pub fn new(prepared: Prepared, stats: FrameStats, denoised: &'a Image, fill: &'a [(usize, [f32; 3])]) -> Self {
         let ground = Ground { denoised: Cow::Borrowed(denoised), fill: Cow::Borrowed(fill) };
         Self { prepared: Some(prepared), stays: false, stats, ground }
+    }
+
+    /// A frame that is given away as its features are made.
+    pub fn of_owned(frame: Frame, stats: FrameStats, skip_still_blocks: bool) -> PreparedFrame<'static> {
+        let ground = Ground::of(&frame, &stats);
+        let (prepared, _) = Prepared::of_owned(frame, &stats);
+        let prepared = if skip_still_blocks { prepared } else { prepared.without_skips(&stats) };
+        PreparedFrame { prepared: Some(prepared), stays: false, stats, ground }
     }
 
     /// The same, whose features stay: it may be asked for again.

@@ -264,10 +264,18 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
     })
 }
 
+/// Whether a frame of this size fits the memory of a band, so that it need not be cut into several.
+pub fn is_one_band(height: usize, width: usize, networks: usize) -> bool {
+    height <= rows_in_memory(width, networks)
+}
+
 /// Rows of a band that fit the memory, beside the rows around it.
 fn band_rows(width: usize, around: usize, networks: usize) -> usize {
+    rows_in_memory(width, networks).saturating_sub(2 * around).max(LEAST_ROWS)
+}
+
+fn rows_in_memory(width: usize, networks: usize) -> usize {
     let of_variants =
         if networks > 1 { networks * BYTES_PER_VARIANT + BYTES_OF_CHOICE + BYTES_PER_PIXEL / 2 } else { 0 };
-    let rows = BAND_BYTES / ((BYTES_PER_PIXEL + of_variants) * width.max(1));
-    rows.saturating_sub(2 * around).max(LEAST_ROWS)
+    BAND_BYTES / ((BYTES_PER_PIXEL + of_variants) * width.max(1))
 }

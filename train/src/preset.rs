@@ -141,7 +141,9 @@ fn limit_or_null<S: serde::Serializer>(influence: &Influence, serializer: S) -> 
 /// Radius of g_c's window where time matters: less than half the taps, a hundredth more error after as many steps.
 const SMALL_RADIUS: usize = 6;
 
-/// Share of the training in which windows may be smaller than in the picture.
+/// Share of the training in which windows may be smaller than in the picture. (13x13 before 19x19, nine frames and four seeds:
+/// 1.003 of the error and 0.78 of the processor time; 9x9 before 19x19 1.011 and 0.68. A fourth or half of the taps of the whole
+/// window, in a lattice, is no better at equal time.)
 const EARLY: f64 = 0.8;
 
 /// `quality`'s steps are for this many pixels at least.
@@ -189,7 +191,7 @@ pub struct Settings {
     /// Radius of g_c's window, pixels.
     #[serde(rename = "window_radius")]
     pub radius: usize,
-    /// Radius of the window over the first [`EARLY`] of the training, at most `radius`.
+    /// Radius of the window in the first four fifths of the training, where it is smaller than `radius`.
     #[serde(rename = "early_window_radius")]
     pub early_radius: usize,
     /// How radiance is brought to the method's scale.
@@ -280,7 +282,7 @@ impl Settings {
             form: Form::Gated,
             shape: Shape::shallow(Form::Gated),
             radius: PAPER_RADIUS,
-            early_radius: PAPER_RADIUS,
+            early_radius: SMALL_RADIUS,
             exposure: Exposure::OfNoise,
             start: Start::Analytic { gate: 0.7 },
             combination: Combination::PostCorrection,
@@ -306,6 +308,7 @@ impl Settings {
             Preset::Paper => Settings {
                 form: Form::Paper,
                 shape: Shape::paper(Form::Paper),
+                early_radius: PAPER_RADIUS,
                 exposure: Exposure::AsIs,
                 start: Start::Random,
                 sampling: Sampling::Grid { stride: 64 },
@@ -345,6 +348,15 @@ mod tests {
         }
         assert_eq!(Influence::constant(0.5).at(0.7), 0.5);
         assert_eq!(Influence::UNLIMITED.at(0.3), f32::INFINITY);
+    }
+
+    #[test]
+    fn windows_grow_to_those_of_the_picture_and_no_further() {
+        let of = |preset| [0.0, 0.79, 0.8, 1.0].map(|done| Settings::of(preset, 1).radius_at(done));
+        assert_eq!(of(Preset::Balanced), [6, 6, 9, 9]);
+        assert_eq!(of(Preset::Fast), [6; 4]);
+        assert_eq!(of(Preset::Paper), [9; 4]);
+        assert_eq!(Settings { radius: 3, ..Settings::of(Preset::Balanced, 1) }.radius_at(0.0), 3);
     }
 
     #[test]

@@ -86,7 +86,10 @@ pub fn apply(changes: &[String], settings: &mut Settings, from_model: bool) -> R
         if let Some(first) = done.iter().find(|c| c.key == change.key) {
             return Err(Error::Twice { key: change.key, first: first.value.clone(), second: change.value });
         }
-        if from_model && ["window", "hidden", "layers", "combination", "gate", "composition"].contains(&change.key) {
+        if from_model
+            && ["window", "early-window", "hidden", "layers", "combination", "gate", "composition"]
+                .contains(&change.key)
+        {
             return Err(change.conflict("the model of --init decides it"));
         }
         change.apply(settings)?;

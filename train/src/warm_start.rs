@@ -12,6 +12,8 @@ pub fn begin(model: &Model, settings: &mut Settings) -> Vec<Network> {
     settings.form = model.contract.form;
     settings.shape = model.contract.shape;
     settings.radius = model.contract.window_radius;
+    // It was fitted to the whole window.
+    settings.early_radius = settings.radius;
     settings.exposure = model.contract.exposure;
     settings.composition = model.contract.composition;
     settings.features = model.contract.features;

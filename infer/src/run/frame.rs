@@ -2,6 +2,7 @@
 
 use super::arguments::Job;
 use super::beside::Beside;
+use super::correction::{Corrections, correct_source};
 use super::page::PageOfRun;
 use super::report::{FrameReport, FrameSeconds, RelL2};
 use super::shared::Shared;
@@ -12,10 +13,8 @@ use sspc_cli::record::samples_line;
 use sspc_cli::shot::report::NeighbourReport;
 use sspc_cli::shot::{Residence, ShotFrame};
 use sspc_cli::{Code, DenoiserReport, Failure, interrupt, record};
-use sspc_core::bands::FrameBands;
-use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings, correct};
+use sspc_core::correct::Corrected;
 use sspc_core::frame_stats::FrameStats;
-use sspc_core::passes::SplitError;
 use sspc_frames::atomic::{atomic_write_bytes, check_output};
 use sspc_frames::read::Like;
 use sspc_frames::samples::HalfSamples;
@@ -104,7 +103,7 @@ impl View {
 }
 
 fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result<View, Failure> {
-    let Shared { arguments, engine, isa, .. } = *shared;
+    let Shared { arguments, engine, .. } = *shared;
     let start = Instant::now();
     let contract = &engine.model().contract;
     let overrides = &wanted(shared, overrides.clone());
@@ -114,7 +113,7 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
         None => OpenFrame::open_to_denoise(&job.frame.files, overrides)?,
     };
     let (mut output, placing) = (open.output()?, open.placing());
-    let mut said: Vec<String> = open.note_on_differences().into_iter().collect();
+    let said: Vec<String> = open.note_on_differences().into_iter().collect();
     let mut passes = arguments.frame.passes.find(&open, shared.denoising)?;
     if let Some(passes) = &passes {
         output = output.and(passes.output()?)?;
@@ -142,29 +141,11 @@ fn correct_view(shared: &Shared, job: &Job, overrides: &RoleOverrides) -> Result
     }
     check_variants(contract.networks, source.variants().max(1))?;
     let stats = stats.with_features_of(contract.features);
-    let how = contract.correction(isa, arguments.run.strength);
-    let how = CorrectionSettings { keep_maps: arguments.report, ..how };
-    let mut bands = FrameBands::new(&source, stats, contract.composition.skips_still_blocks());
-    if contract.differences > 0.0 {
-        let (with_differences, notes) = bands.with_differences(contract.differences)?;
-        bands = with_differences;
-        said.extend(notes);
-    }
     said.iter().for_each(|note| shared.output.say(&format!("{}: note: {note}", job.frame.name())));
     warnings.extend(said);
-    let corrected = correct(&mut bands, engine, &how, &interrupt::asked).map_err(|error| match error {
-        CorrectError::Interrupted => Failure::interrupted(),
-        CorrectError::Parameters(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
-        CorrectError::Bands(error) => error.into(),
-    })?;
-    let with_picture = |passes: FramePasses| {
-        passes.correct(&mut bands, engine, &how, &output.as_stored(0, &corrected.picture), &interrupt::asked)
-    };
-    let passes = passes.map(with_picture).transpose().map_err(|error| match error {
-        SplitError::Interrupted => Failure::interrupted(),
-        SplitError::Parameters(error) => Failure::new(Code::Run, error.to_string(), "try --kernels fused"),
-        SplitError::Bands(error) | SplitError::Passes(error) => error.into(),
-    })?;
+    let Corrections { corrected, passes, notes } =
+        correct_source(shared, &job.frame.name(), source, stats, passes, &output)?;
+    warnings.extend(notes);
     let name = overrides.view().filter(|_| overrides.all_views()).map(str::to_string);
     Ok(View { name, output, corrected, passes, stats, roles, samples, denoiser, warnings, neighbours, read, beside })
 }

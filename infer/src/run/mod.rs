@@ -4,12 +4,14 @@
 //! |---|---|
 //! | [`arguments`] | what can be asked, and where each picture goes |
 //! | [`frame`] | one frame from file to file |
+//! | `correction` | from its rows to its corrected picture and passes |
 //! | [`shared`] | what all frames share |
 //! | [`report`] | what the sidecar says |
 //! | [`beside`], [`page`] | what the picture is compared with, and the page to look at |
 
 pub mod arguments;
 pub mod beside;
+mod correction;
 pub mod frame;
 pub mod page;
 pub mod report;

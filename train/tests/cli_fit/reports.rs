@@ -79,6 +79,7 @@ fn the_report_holds_every_setting_as_data() {
         "form",
         "network",
         "window_radius",
+        "early_window_radius",
         "exposure",
         "start",
         "combination",
