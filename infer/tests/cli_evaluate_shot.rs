@@ -17,12 +17,15 @@ fn shot() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("folder");
     for number in 1..=COUNT {
         let truth = MadeFrame { size: SIZE, ..MadeFrame::new(number) }.truth();
-        let shifted = |by: f32| Image::from_fn(3, SIZE.0, SIZE.1, |c, y, x| truth.at(c, y, x) * (1.0 + by));
+        // Most of it a factor on the whole picture, which is seen where it changes; the pattern is seen in a still too.
+        let pattern = |y: usize, x: usize| 1.0 + 0.3 * (0.5 * x as f32).sin() * (0.4 * y as f32).sin();
+        let wrong =
+            |by: f32| Image::from_fn(3, SIZE.0, SIZE.1, |c, y, x| truth.at(c, y, x) * (1.0 + by * pattern(y, x)));
         let write =
             |name: &str, picture: &Image| write_picture(&folder.path().join(format!("{name}.{number}.exr")), picture);
         write("r", &truth);
-        write("z", &shifted(if number % 2 == 0 { 0.06 } else { -0.06 }));
-        write("x", &shifted(if number <= COUNT / 2 { 0.06 } else { -0.06 }));
+        write("z", &wrong(if number % 2 == 0 { 0.06 } else { -0.06 }));
+        write("x", &wrong(if number <= COUNT / 2 { 0.06 } else { -0.06 }));
     }
     folder
 }
@@ -184,7 +187,7 @@ fn what_cannot_be_drawn_or_shown_is_refused() {
     assert_fails(&with(&denoised), 2, &["--frames"]);
     assert_fails(&with(&["--fps", "24"]), 2, &["--frames"]);
     for rate in ["0", "-1", "nan", "241", "many"] {
-        assert_fails(&with(&["--frames", "1-2", "--fps", rate]), 2, &["above 0, at most 240"]);
+        assert_fails(&with(&["--frames", "1-2", &format!("--fps={rate}")]), 2, &["above 0, at most 240"]);
     }
     let over = with(&["--denoised", "z.#.exr", "--frames", "1-2", "--plot", "z.2.exr"]);
     assert_fails(&over, 4, &["z.2.exr", "an output that is no input"]);
