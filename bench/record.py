@@ -4,20 +4,22 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from . import calibration, equal_time, figures, goals, plot, same_work, scatter
+from . import calibration, equal_time, figures, goals, plot, same_work, scatter, shots
 from .jobs import SSPC
 
 
 class Record:
     """Figures of one benchmark. `about`: machine, commit, programs, command, settings, how it ended."""
 
-    def __init__(self, about, frames, columns, results, render_seconds):
+    def __init__(self, about, frames, columns, results, render_seconds, of_shots=()):
         self.about = about
         self.frames = frames
         # (heading, method, preset) in the order of the methods.
         self.columns = columns
         self.results = results
         self.render_seconds = render_seconds
+        # Results of shots as wholes.
+        self.shots = list(of_shots)
         self.rows = figures.rows(results, frames)
         self.cells = figures.cells(results)
 
@@ -41,6 +43,7 @@ class Record:
             "equal_time": self.equal_times(),
             "same_work": same_work.figures(self),
             "results": self.results,
+            "shots": self.shots,
         }
         return json.dumps(everything, indent=1) + "\n"
 
@@ -124,7 +127,7 @@ class Record:
             return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
 
         commit, estimates = self.about["commit"]["hash"], f"{stem}-estimates.svg"
-        same = same_work.text(self, table)
+        same, of_shots = same_work.text(self, table), shots.text(self.shots, table)
         parts = [
             f"# Benchmark of {self.about['date'][:10]}, commit {commit}{self.dirty(' with changes')}",
             self.failures(),
@@ -135,6 +138,7 @@ class Record:
             "## relL2 ÷ the denoiser's\n\n" + self.ratio_table(),
             "## The same across the reference's halves\n\n" + self.crossed_table(),
             "## Mean brightness\n\n" + self.brightness_table(),
+            "## Shots as wholes\n\n" + of_shots if of_shots else "",
             "## Seconds, file to file\n\n" + self.seconds_table(),
             "## Where the seconds go\n\n" + self.split_table(),
             "## The same work in PyTorch\n\n" + same if same else "",
@@ -147,6 +151,7 @@ class Record:
     def failures(self):
         failed = [r for r in self.results if r["failure"]]
         lines = [f"- {r['frame']}, {r['column']}, seed {r['seed']}: {r['failure']}" for r in failed]
+        lines += [f"- {shots.line(result)}" for result in self.shots if result["failure"]]
         lines += [f"- {problem}" for problem in self.about["problems"]]
         return "\n".join(["**Problems:**", *lines]) if lines else ""
 

@@ -171,7 +171,7 @@ mod tests {
         assert_eq!(ticks(&[1001.0, 1003.0], 1.0), ["1001", "1002", "1003"]);
         assert_eq!(ticks(&[7.0], 1.0), ["7"]);
         assert_eq!(ticks(&[-20.0, 25.0], 0.0), ["-20", "-10", "0", "10", "20"]);
-        assert_eq!(ticks(&[], 0.0).len(), 11);
+        assert_eq!(ticks(&[], 0.0).len(), 6);
     }
 
     #[test]
