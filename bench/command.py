@@ -106,13 +106,14 @@ def run_all(todo, found, programs, options, arguments, scratch, problems, wholes
     about = common.about(PROG, arguments, options, measured) | {
         "steps_limit": options.steps,
         "seeds": options.seeds,
-        "planned": len(todo),
+        "planned": len(todo) + len(wholes) * len(options.shots) * len(options.seeds) * len(shots.WAYS),
         "problems": problems,
     }
     for program in about["programs"]:
         if program["older_than_commit"]:
             about["problems"].append(f"{program['name']} was built before the commit named here")
-    say(f"{len(todo)} runs on {len(found)} frames; threads: {options.threads or 'one per usable core'}")
+    threads = options.threads or "one per usable core"
+    say(f"{len(todo)} runs on {len(found)} frames, then {len(wholes)} shots as wholes; threads: {threads}")
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)
     results, ended = carry_out(todo, programs, options, scratch)

@@ -167,7 +167,7 @@ class Record:
             f"- Commit {about['commit']['hash']}{self.dirty(', working tree changed')}; "
             + "; ".join(f"{p['name']} built {p['built']} (SHA-256 {p['sha256']}…)" for p in about["programs"]),
             f"- Command: `{about['command']}`",
-            f"- {about['date']}, {about['ended']}: {len(self.results)} of {about['planned']} runs",
+            f"- {about['date']}, {about['ended']}: {len(self.results) + len(self.shots)} of {about['planned']} runs",
         ]
         return "\n".join(lines)
 
