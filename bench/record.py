@@ -123,22 +123,28 @@ class Record:
         return f"{machine['processor']}, {machine['cores_usable']} cores"
 
     def markdown(self, stem, pictures):
-        def image(name, suffix):
-            return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
-
-        commit, estimates = self.about["commit"]["hash"], f"{stem}-estimates.svg"
-        same, of_shots = same_work.text(self, table), shots.text(self.shots, table)
+        commit, of_shots = self.about["commit"]["hash"], shots.text(self.shots, table)
         parts = [
             f"# Benchmark of {self.about['date'][:10]}, commit {commit}{self.dirty(' with changes')}",
             self.failures(),
             self.about_text(),
+            *(self.frame_parts(stem, pictures) if self.results else ()),
+            "## Shots as wholes\n\n" + of_shots if of_shots else "",
+        ]
+        return "\n\n".join(part for part in parts if part) + "\n"
+
+    def frame_parts(self, stem, pictures):
+        def image(name, suffix):
+            return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
+
+        estimates, same = f"{stem}-estimates.svg", same_work.text(self, table)
+        return [
             image("relL2 against seconds", ".svg"),
             image("relL2 against seconds, every method, on the frames that all were run on", "-all.svg"),
             "## Goals\n\n" + self.goals_table(),
             "## relL2 ÷ the denoiser's\n\n" + self.ratio_table(),
             "## The same across the reference's halves\n\n" + self.crossed_table(),
             "## Mean brightness\n\n" + self.brightness_table(),
-            "## Shots as wholes\n\n" + of_shots if of_shots else "",
             "## Seconds, file to file\n\n" + self.seconds_table(),
             "## Where the seconds go\n\n" + self.split_table(),
             "## The same work in PyTorch\n\n" + same if same else "",
@@ -146,7 +152,6 @@ class Record:
             "## Predicted and true error\n\n"
             + calibration.text(self.results, table, estimates if estimates in pictures else None),
         ]
-        return "\n\n".join(part for part in parts if part) + "\n"
 
     def failures(self):
         failed = [r for r in self.results if r["failure"]]
@@ -158,7 +163,7 @@ class Record:
     def about_text(self):
         about, machine = self.about, self.about["machine"]
         memory = f"{machine['memory_bytes'] / 2**30:.1f} GiB" if machine["memory_bytes"] else "unknown"
-        threads = sorted({r["threads"] for r in figures.succeeded(self.results) if r.get("threads")})
+        threads = sorted({r["threads"] for r in figures.succeeded([*self.results, *self.shots]) if r.get("threads")})
         lines = [
             f"- Machine: {machine['processor']}; {machine['cores_usable']} of {machine['cores_present']} cores usable, "
             f"{' and '.join(map(str, threads)) or 'unknown'} threads used; memory {memory}; {machine['system']}",

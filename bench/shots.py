@@ -93,20 +93,21 @@ def run(shot, way, preset, seed, setting, folder):
         result["evaluation"] = evaluated(shot, setting, folder)
     except Failed as failure:
         return result | {"failure": str(failure)}
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         return result | {"failure": f"unreadable answer: {type(error).__name__}: {error}"}
     return result | {"failure": None}
 
 
 def each_frame(shot, fit, setting, folder):
-    walls, trained = [], []
+    walls, reports = [], []
     for number in shot.numbers:
         place = folder / number
         command = [*fit, "--frames", str(int(number)), "-o", str(place)]
         walls.append(checked_process("sspc-train fit", command, setting.environment, setting.limit).wall_seconds)
-        trained.append(train_seconds(place))
-        os.replace(next(place.glob("corrected*.exr")), folder / CORRECTED / f"{number}.exr")
-    return {"fit_seconds": sum(walls), "train_seconds": sum(trained), "run_seconds": None}
+        reports.append(of_report(place))
+        os.replace(min(place.glob("corrected*.exr")), folder / CORRECTED / f"{number}.exr")
+    trained = sum(report["train_seconds"] for report in reports)
+    return reports[0] | {"fit_seconds": sum(walls), "train_seconds": trained, "run_seconds": None}
 
 
 def one_model(shot, fit, setting, folder):
@@ -116,13 +117,13 @@ def one_model(shot, fit, setting, folder):
     command = [str(setting.programs.infer), "run", "--model", str(place / "model.onnx"), *shot.arguments()]
     command += ["--frames", shot.listed, "-o", corrected(shot, folder)]
     done = checked_process("sspc-infer run", command, setting.environment, setting.limit)
-    seconds = {"fit_seconds": fitted.wall_seconds, "run_seconds": done.wall_seconds}
-    return seconds | {"train_seconds": train_seconds(place)}
+    return of_report(place) | {"fit_seconds": fitted.wall_seconds, "run_seconds": done.wall_seconds}
 
 
-def train_seconds(place):
-    """Seconds of training alone; every report of a fit has them."""
-    return json.loads(sorted(place.glob("report*.json"))[0].read_text())["seconds"]["train"]
+def of_report(place):
+    """Threads, and seconds of training alone; every report of a fit has them."""
+    report = json.loads(min(place.glob("report*.json")).read_text())
+    return {"threads": report.get("threads"), "train_seconds": report["seconds"]["train"]}
 
 
 def corrected(shot, folder):

@@ -29,7 +29,7 @@ if words[0] == "fit":
     os.makedirs(out, exist_ok=True)
     for number in numbers:
         open(f"{{out}}/corrected.{{number:04}}.exr", "w").write("4")
-        report = {{"seconds": {{"train": 2.0 if len(numbers) == 1 else 1.5}}}}
+        report = {{"threads": 2, "seconds": {{"train": 2.0 if len(numbers) == 1 else 1.5}}}}
         json.dump(report, open(f"{{out}}/report.{{number:04}}.json", "w"))
     open(f"{{out}}/model.onnx", "w").write("6" if "--extra-frames" in words else "3")
 elif words[0] == "run":
@@ -102,6 +102,8 @@ class Shots(unittest.TestCase):
         self.assertIn("| 0.400 | 0.500 | - | 9.040 | 9.500 | 1.000 3 |", lines[shots.EACH])
         self.assertTrue(lines[shots.EACH].endswith("| - | 2.00 | 1.00 |"), lines[shots.EACH])
         self.assertIn("hall  balanced  one model, neighbours", printed)
+        self.assertIn("2 threads used", texts[".md"])
+        self.assertNotIn("## Goals", texts[".md"], "of frames nothing was measured")
 
     def test_a_failure_is_told_and_leaves_the_others(self):
         exit_code, texts, _ = self.bench(FAILS="1")

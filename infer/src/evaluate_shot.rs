@@ -65,13 +65,13 @@ pub struct Viewing {
     pub exposure: f32,
 }
 
-/// Figures that a frame does not have.
+/// A figure that a frame does not have.
 #[derive(Debug, Serialize)]
 pub struct LeftOut {
     /// Its number.
     pub frame: i32,
-    /// Their names.
-    pub figures: Vec<&'static str>,
+    /// The figure's, as in [`FrameEvaluation`].
+    pub figure: &'static str,
     /// The reason.
     pub why: String,
 }
@@ -168,7 +168,7 @@ impl<'a> Shot<'a> {
             let last = before.as_ref().filter(|_| cut.is_none());
             let temporal = last.map(|(_, before)| Flicker::of(read.measured(), before.measured()));
             videos.push(&read, last.is_some())?;
-            left_out.extend(cut.map(|why| LeftOut { frame: number, figures: vec!["temporal"], why }));
+            left_out.extend(cut.map(|why| LeftOut { frame: number, figure: "temporal", why }));
             frames.push(FrameEvaluation { frame: number, evaluation, temporal, jod: None });
             before = Some((number, read));
         }
@@ -203,7 +203,7 @@ fn unseen(frame: &FrameEvaluation) -> LeftOut {
         true => format!("{width}x{height} pixels, fewer than {SMALLEST} to a side"),
         false => "it neither follows a frame nor is followed".to_string(),
     };
-    LeftOut { frame: frame.frame, figures: vec!["jod"], why }
+    LeftOut { frame: frame.frame, figure: "jod", why }
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {

@@ -99,7 +99,7 @@ fn what_is_left_out_is_said_with_its_reason() {
         measured(folder, "x.#.exr", &["--frames", "1-3", "--exposure", &found["viewing"]["exposure"].to_string()]);
     assert!((jod(&found) - jod(&three)).abs() < 1e-6, "frame 6 has no part in it");
     let left_out = found["left_out"].as_array().unwrap();
-    let told: Vec<_> = left_out.iter().map(|one| (one["frame"].as_i64().unwrap(), &one["figures"][0])).collect();
+    let told: Vec<_> = left_out.iter().map(|one| (one["frame"].as_i64().unwrap(), &one["figure"])).collect();
     assert_eq!(told, [(6, &"temporal".into()), (6, &"jod".into())]);
     assert!(left_out[0]["why"].as_str().unwrap().contains("frame 3 is before it"), "{left_out:?}");
     assert!(found["frames"][3]["jod"].is_null());
@@ -110,7 +110,7 @@ fn what_is_left_out_is_said_with_its_reason() {
     assert!(table.contains("frame 6 without jod: it neither follows a frame nor is followed"), "{table}");
 
     let alone = measured(folder, "x.#.exr", &["--frames", "2"]);
-    assert!(alone["jod"].is_null() && alone["left_out"][0]["figures"][0] == "jod", "{alone:#}");
+    assert!(alone["jod"].is_null() && alone["left_out"][0]["figure"] == "jod", "{alone:#}");
 
     // From frame 4 on the shot has another size.
     for number in 4..=COUNT {
