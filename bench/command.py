@@ -13,7 +13,7 @@ from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 
-from . import ablations, common, derived, frames, jobs, machine, runs
+from . import ablations, common, derived, frames, jobs, machine, runs, shots
 from .common import REPOSITORY, fail
 from .record import Record, free_stem, name_of, table, write_all
 
@@ -60,9 +60,11 @@ def compare(found, programs, options, arguments, scratch):
         options.paper_frames, options.torch_frames, options.torch_timeout,
     )  # fmt: skip
     todo = jobs.jobs(found, methods, options.seeds, options.repeat)
-    results, about = run_all(todo, found, programs, options, arguments, scratch, problems)
+    wholes = shots.of(found) if options.shots and not options.crops else []
+    results, of_shots, about = run_all(todo, found, programs, options, arguments, scratch, problems, wholes)
     columns = list(dict.fromkeys((jobs.column(m.name, p), m.name, p) for m in methods for p in m.presets))
-    record = Record(about, found, columns, cleaned(results, options), dict(options.render_seconds).get)
+    known, of_shots = dict(options.render_seconds).get, cleaned(of_shots, options)
+    record = Record(about, found, columns, cleaned(results, options), known, of_shots)
     for path in record.write(options.output):
         say(f"wrote {path}")
     return conclude(record, about["ended"])
@@ -74,7 +76,7 @@ def ablate(found, programs, options, arguments, scratch):
     made = [(frame.name, derive(derived.half_empty, frame, programs, scratch, problems)) for frame in chosen]
     half_empty = {name: copy for name, copies in made for copy in copies}
     todo = ablations.jobs(chosen, half_empty, options.ablations, options.seeds, options.steps)
-    results, about = run_all(todo, found, programs, options, arguments, scratch, problems)
+    results, _, about = run_all(todo, found, programs, options, arguments, scratch, problems)
     record = Record(about, found, [], cleaned(results, options), lambda _: None)
     done = ablations.Ablations(about, chosen, half_empty, options.ablations, record.results)
     stem = free_stem(options.output, f"{name_of(about)}-ablations")
@@ -96,28 +98,33 @@ def derive(make, source, programs, scratch, problems):
         return []
 
 
-def run_all(todo, found, programs, options, arguments, scratch, problems):
-    """Runs the jobs; returns their results and what the record states about the run."""
-    if not todo:
+def run_all(todo, found, programs, options, arguments, scratch, problems, wholes=()):
+    """Runs the jobs, then the shots as wholes; returns the results of both and what the record states about the run."""
+    if not todo and not wholes:
         fail("nothing to run: no frame matches, or no preset or method was given")
     measured = [programs.train, programs.infer]
     about = common.about(PROG, arguments, options, measured) | {
         "steps_limit": options.steps,
         "seeds": options.seeds,
-        "planned": len(todo),
+        "planned": len(todo) + len(wholes) * len(options.shots) * len(options.seeds) * len(shots.WAYS),
         "problems": problems,
     }
     for program in about["programs"]:
         if program["older_than_commit"]:
             about["problems"].append(f"{program['name']} was built before the commit named here")
-    say(f"{len(todo)} runs on {len(found)} frames; threads: {options.threads or 'one per usable core'}")
+    threads = options.threads or "one per usable core"
+    say(f"{len(todo)} runs on {len(found)} frames, then {len(wholes)} shots as wholes; threads: {threads}")
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)
     results, ended = carry_out(todo, programs, options, scratch)
+    of_shots = []
+    if wholes and ended != "interrupted":
+        setting = shots.Setting(programs, common.environment(options), options.timeout, options.steps)
+        of_shots, ended = shots.measure(wholes, options.shots, options.seeds, setting, scratch, options.keep, say)
     for path, program in zip(measured, about["programs"]):
         if not machine.unchanged(path, program):
             about["problems"].append(f"{program['name']} was rebuilt while it was measured")
-    return results, about | {"ended": ended, "load_average_after": machine.load()}
+    return results, of_shots, about | {"ended": ended, "load_average_after": machine.load()}
 
 
 def command_line():
@@ -142,6 +149,8 @@ def command_line():
     option("--paper-frames", "frames for paper", type=names, default=paper_frames, metavar="GLOB,GLOB")
     option("--torch-frames", "frames for torch", type=names, default=torch_frames, metavar="GLOB,GLOB")
     option("--torch-timeout", "longest PyTorch run", type=common.positive, default=3600, metavar="SECONDS")
+    shot_presets = "presets for shots as wholes, one model for all frames, or none (default: balanced)"
+    option("--shots", shot_presets, type=names, default=("balanced",), metavar="A,B")
     option("--no-large", "leave out the frame of 1280 x 720", dest="large", action="store_false")
     option("--crops", "measure the quarters of the frames instead, each as its own picture", action="store_true")
     option(
@@ -293,11 +302,15 @@ def conclude(record, ended):
     for preset in record.rated():
         for verdict in record.verdicts(preset):
             say(f"{preset}: {verdict.what} {verdict.goal}: {verdict.found}, {verdict.word.strip('*')}")
-    failed = [result for result in record.results if result["failure"]]
+    if any(not result["failure"] for result in record.shots):
+        for words in shots.plain(record.shots):
+            say(words)
+    every = [*record.results, *record.shots]
+    failed = [result for result in every if result["failure"]]
     for problem in record.about["problems"]:
         say(f"WARNING: {problem}", loud=True)
     if failed:
-        say(f"{len(failed)} of {len(record.results)} runs FAILED; the record names them", loud=True)
+        say(f"{len(failed)} of {len(every)} runs FAILED; the record names them", loud=True)
     if ended == "interrupted":
         return 130
     return 1 if failed else 0

@@ -4,20 +4,22 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from . import calibration, equal_time, figures, goals, plot, same_work, scatter
+from . import calibration, equal_time, figures, goals, plot, same_work, scatter, shots
 from .jobs import SSPC
 
 
 class Record:
     """Figures of one benchmark. `about`: machine, commit, programs, command, settings, how it ended."""
 
-    def __init__(self, about, frames, columns, results, render_seconds):
+    def __init__(self, about, frames, columns, results, render_seconds, of_shots=()):
         self.about = about
         self.frames = frames
         # (heading, method, preset) in the order of the methods.
         self.columns = columns
         self.results = results
         self.render_seconds = render_seconds
+        # Results of shots as wholes.
+        self.shots = list(of_shots)
         self.rows = figures.rows(results, frames)
         self.cells = figures.cells(results)
 
@@ -41,6 +43,7 @@ class Record:
             "equal_time": self.equal_times(),
             "same_work": same_work.figures(self),
             "results": self.results,
+            "shots": self.shots,
         }
         return json.dumps(everything, indent=1) + "\n"
 
@@ -120,15 +123,22 @@ class Record:
         return f"{machine['processor']}, {machine['cores_usable']} cores"
 
     def markdown(self, stem, pictures):
-        def image(name, suffix):
-            return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
-
-        commit, estimates = self.about["commit"]["hash"], f"{stem}-estimates.svg"
-        same = same_work.text(self, table)
+        commit, of_shots = self.about["commit"]["hash"], shots.text(self.shots, table)
         parts = [
             f"# Benchmark of {self.about['date'][:10]}, commit {commit}{self.dirty(' with changes')}",
             self.failures(),
             self.about_text(),
+            *(self.frame_parts(stem, pictures) if self.results else ()),
+            "## Shots as wholes\n\n" + of_shots if of_shots else "",
+        ]
+        return "\n\n".join(part for part in parts if part) + "\n"
+
+    def frame_parts(self, stem, pictures):
+        def image(name, suffix):
+            return f"![{name}]({stem}{suffix})" if stem + suffix in pictures else ""
+
+        estimates, same = f"{stem}-estimates.svg", same_work.text(self, table)
+        return [
             image("relL2 against seconds", ".svg"),
             image("relL2 against seconds, every method, on the frames that all were run on", "-all.svg"),
             "## Goals\n\n" + self.goals_table(),
@@ -142,18 +152,18 @@ class Record:
             "## Predicted and true error\n\n"
             + calibration.text(self.results, table, estimates if estimates in pictures else None),
         ]
-        return "\n\n".join(part for part in parts if part) + "\n"
 
     def failures(self):
         failed = [r for r in self.results if r["failure"]]
         lines = [f"- {r['frame']}, {r['column']}, seed {r['seed']}: {r['failure']}" for r in failed]
+        lines += [f"- {shots.line(result)}" for result in self.shots if result["failure"]]
         lines += [f"- {problem}" for problem in self.about["problems"]]
         return "\n".join(["**Problems:**", *lines]) if lines else ""
 
     def about_text(self):
         about, machine = self.about, self.about["machine"]
         memory = f"{machine['memory_bytes'] / 2**30:.1f} GiB" if machine["memory_bytes"] else "unknown"
-        threads = sorted({r["threads"] for r in figures.succeeded(self.results) if r.get("threads")})
+        threads = sorted({r["threads"] for r in figures.succeeded([*self.results, *self.shots]) if r.get("threads")})
         lines = [
             f"- Machine: {machine['processor']}; {machine['cores_usable']} of {machine['cores_present']} cores usable, "
             f"{' and '.join(map(str, threads)) or 'unknown'} threads used; memory {memory}; {machine['system']}",
@@ -162,7 +172,7 @@ class Record:
             f"- Commit {about['commit']['hash']}{self.dirty(', working tree changed')}; "
             + "; ".join(f"{p['name']} built {p['built']} (SHA-256 {p['sha256']}…)" for p in about["programs"]),
             f"- Command: `{about['command']}`",
-            f"- {about['date']}, {about['ended']}: {len(self.results)} of {about['planned']} runs",
+            f"- {about['date']}, {about['ended']}: {len(self.results) + len(self.shots)} of {about['planned']} runs",
         ]
         return "\n".join(lines)
 

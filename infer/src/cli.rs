@@ -23,7 +23,7 @@ pub enum Command {
     Run(Box<RunArguments>),
     /// Say what a model file is: its contract, its origin, its size
     Info(InfoArguments),
-    /// Measure a picture, or those of a shot, against references: relL2, SMAPE, PSNR, SSIM, FLIP, temporal error
+    /// Measure a picture, or those of a shot, against references: relL2, SMAPE, PSNR, SSIM, FLIP, temporal error, JOD
     Evaluate(Box<EvaluateArguments>),
 }
 

@@ -13,6 +13,7 @@ use sspc_frames::read::{Like, read_placed_layer, read_placed_picture, read_refer
 use sspc_frames::read_reference;
 use sspc_image::{Image, Reference};
 use sspc_metrics::relative::rel_l2_map;
+use sspc_metrics::video::MOST_FRAMES_PER_SECOND;
 use sspc_metrics::{Comparison, Figures, figures};
 use std::path::{Path, PathBuf};
 
@@ -36,12 +37,21 @@ pub struct EvaluateArguments {
     #[arg(long, value_name = "NAME")]
     pub layer: Option<String>,
 
-    /// Frames of a shot, e.g. 1001-1040: every figure for each frame and for the shot, and the temporal error
+    /// Frames of a shot, e.g. 1001-1040: every figure for each frame and for the shot, the temporal error, and JOD of
+    /// ColorVideoVDP
     #[arg(long, value_name = "RANGE", conflicts_with = "error_map", allow_hyphen_values = true)]
     pub frames: Option<String>,
 
-    /// Factor on radiance before the display curve of PSNR, SSIM and FLIP [default: puts the geometric mean of the
-    /// reference's luminance at middle grey, 0.18]
+    /// Frames per second of a shot, for JOD
+    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = rate, requires = "frames")]
+    pub fps: f32,
+
+    /// Draw every frame's error and flicker relative to the denoiser's, and JOD, as SVG
+    #[arg(long, value_name = "SVG", requires = "frames", requires = "denoised")]
+    pub plot: Option<PathBuf>,
+
+    /// Factor on radiance before the display curve of PSNR, SSIM, FLIP and JOD [default: puts the geometric mean of the
+    /// reference's luminance at middle grey, 0.18; of a shot the median of its frames' factors]
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub exposure: Option<f32>,
 
@@ -57,6 +67,11 @@ pub struct EvaluateArguments {
 fn positive(text: &str) -> Result<f32, String> {
     let value: f32 = text.parse().map_err(|_| "expected a number".to_string())?;
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err("expected a number above 0".to_string()) }
+}
+
+fn rate(text: &str) -> Result<f32, String> {
+    let most = MOST_FRAMES_PER_SECOND;
+    positive(text).ok().filter(|value| *value <= most).ok_or(format!("expected a number above 0, at most {most}"))
 }
 
 /// Everything `--json` prints.
@@ -118,6 +133,16 @@ pub fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     print_result(&text)
 }
 
+impl EvaluateArguments {
+    /// The reference, placed like the picture where that is told.
+    pub(crate) fn read_reference(&self, like: Option<Like>) -> Result<Reference, Failure> {
+        Ok(match &self.layer {
+            Some(layer) => read_reference_layer(&self.reference, layer, like)?,
+            None => read_reference(&self.reference, like)?,
+        })
+    }
+}
+
 /// The pictures of one evaluation.
 pub(crate) struct Read {
     pub picture: Image,
@@ -135,10 +160,7 @@ impl Read {
         };
         let (picture, placing) = read(&arguments.picture, None)?;
         let like = Some(Like { path: &arguments.picture, placing });
-        let reference = match layer {
-            Some(layer) => read_reference_layer(&arguments.reference, layer, like)?,
-            None => read_reference(&arguments.reference, like)?,
-        };
+        let reference = arguments.read_reference(like)?;
         let denoised = arguments.denoised.as_deref().map(|path| read(path, like)).transpose()?.map(|(image, _)| image);
         Ok(Self { picture, reference, denoised })
     }

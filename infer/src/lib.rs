@@ -10,3 +10,7 @@ pub mod evaluate_shot;
 pub mod flicker;
 pub mod info;
 pub mod run;
+pub mod shot_plot;
+pub mod shot_table;
+pub mod shot_video;
+pub mod svg;
