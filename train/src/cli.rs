@@ -44,7 +44,7 @@ pub struct FitArgs {
     /// Seed of weights and tiles: the same seed gives the same picture on the same machine.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Change one setting of the preset, for experiments, e.g. --set window=15: window, hidden, layers,
+    /// Change one setting of the preset, for experiments, e.g. --set window=15: window, early-window, hidden, layers,
     /// combination, gate, influence, sampling, tile, batch, rate, skip, composition, held-out or differences. An invalid value
     /// lists the allowed ones. Repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]

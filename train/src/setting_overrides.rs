@@ -281,7 +281,7 @@ mod tests {
     fn other_mistakes_have_messages_of_their_own() {
         let message = |preset, changes: &[&str]| changed(preset, changes).expect_err("a mistake").to_string();
         assert_eq!(message(Preset::Balanced, &["window"]), "--set window: expected KEY=VALUE");
-        assert!(message(Preset::Balanced, &["size=3"]).contains("there are window, hidden"));
+        assert!(message(Preset::Balanced, &["size=3"]).contains("there are window, early-window, hidden"));
         let twice = message(Preset::Balanced, &["tile=32", "tile=64"]);
         assert!(twice.contains("twice: 32 and 64"), "{twice}");
         assert!(message(Preset::Paper, &["rate=0.01"]).contains("noise"));

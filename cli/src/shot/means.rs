@@ -50,7 +50,7 @@ struct Way {
 /// # Errors
 /// What reading the frame itself can raise.
 pub fn of_frame(centre: &Sides, neighbours: &[Neighbour], settings: &ShotSettings) -> Result<Means, Error> {
-    let mut work = Work::new(centre)?;
+    let mut work = Work::new(centre, settings);
     let mut found = Means { variants: None, reports: Vec::new(), warnings: Vec::new() };
     for at in 0..neighbours.len() {
         let (nearer, rest) = neighbours.split_at(at);
@@ -67,7 +67,7 @@ pub fn of_frame(centre: &Sides, neighbours: &[Neighbour], settings: &ShotSetting
         let step = neighbour.offset.signum();
         let before = nearer.iter().find(|other| other.offset == neighbour.offset - step);
         let before = before.and_then(|other| other.sides.as_ref().ok()?.as_ref());
-        let outcome = work.add(centre, sides, before, neighbour.offset, settings);
+        let outcome = work.add(sides, before, neighbour.offset);
         let (motion, validity, left_out) = match outcome {
             Ok(added) => (added.motion, added.validity, added.left_out),
             Err(error) => {
@@ -81,7 +81,7 @@ pub fn of_frame(centre: &Sides, neighbours: &[Neighbour], settings: &ShotSetting
         let left_out = left_out.map(|why| why.text);
         found.reports.push(NeighbourReport { frame: neighbour.number, motion, validity, left_out });
     }
-    found.variants = work.finish(centre)?;
+    found.variants = work.finish()?;
     Ok(found)
 }
 
@@ -98,79 +98,65 @@ struct Added {
     left_out: Option<LeftOut>,
 }
 
-/// The sums of a frame's means.
+/// The sums of a frame's means. One half of the frame and of a neighbour are in memory at a time.
 struct Work<'a> {
-    halves: [Side<'a>; 2],
-    /// Of half a, of half b and of the full buffer.
-    sums: [TemporalMean; 3],
-    is_empty: bool,
-    /// Fields of each half to the farthest neighbours so far, before and after the frame.
+    centre: &'a Sides,
+    settings: &'a ShotSettings,
+    /// Of half a, of half b and of the full buffer; `None` as long as nothing was added.
+    sums: Option<[TemporalMean; 3]>,
+    /// Fields of each half to the farthest neighbours so far, before and after the frame, where there are farther ones.
     ways: [Option<[Field; 2]>; 2],
 }
 
 impl<'a> Work<'a> {
-    fn new(centre: &'a Sides) -> Result<Self, Error> {
-        let (height, width) = centre.size();
-        let halves = [centre.half(0)?, centre.half(1)?];
-        let sums = [0; 3].map(|_| TemporalMean::new(halves[0].pictures.len(), height, width));
-        Ok(Self { halves, sums, is_empty: true, ways: [None, None] })
+    fn new(centre: &'a Sides, settings: &'a ShotSettings) -> Self {
+        Self { centre, settings, sums: None, ways: [None, None] }
     }
 
-    fn add(
-        &mut self,
-        centre: &Sides,
-        neighbour: &Sides,
-        before: Option<&Sides>,
-        offset: i32,
-        settings: &ShotSettings,
-    ) -> Result<Added, Error> {
+    fn add(&mut self, neighbour: &Sides, before: Option<&Sides>, offset: i32) -> Result<Added, Error> {
         let leave = |text: String, is_warning| {
             Ok(Added { motion: None, validity: 0.0, left_out: Some(LeftOut { text, is_warning }) })
         };
+        let centre = self.centre;
+        let (height, width) = centre.size();
         if neighbour.size() != centre.size() {
-            let ((height, width), (own_height, own_width)) = (neighbour.size(), centre.size());
-            return leave(format!("it has {width}x{height} pixels, the frame {own_width}x{own_height}"), true);
+            let (of_height, of_width) = neighbour.size();
+            return leave(format!("it has {of_width}x{of_height} pixels, the frame {width}x{height}"), true);
         }
-        let direction = usize::from(offset > 0);
-        let reading = settings.motion[direction];
-        let others = [neighbour.half(0)?, neighbour.half(1)?];
-        if others[0].pictures.len() != self.halves[0].pictures.len() {
+        if neighbour.count() != centre.count() {
             return leave("it has another number of denoised pictures".into(), true);
         }
-        if (0..2).all(|h| are_same(&self.halves[h].denoised, &others[h].denoised)) {
-            return leave("its denoised halves are this frame's own and add nothing".into(), false);
-        }
-        let mut motion = None;
-        let mut fields = Vec::with_capacity(2);
+        let direction = usize::from(offset > 0);
+        let (mut motion, mut ways, mut like, mut are_all_same) = (None, Vec::with_capacity(2), f64::INFINITY, true);
         for h in 0..2 {
+            let (own, other) = (centre.half(h)?, neighbour.half(h)?);
+            are_all_same &= are_same(&own.denoised, &other.denoised);
+            if are_all_same && h == 1 {
+                return leave("its denoised halves are this frame's own and add nothing".into(), false);
+            }
             // The last step is that from the frame before to the neighbour.
-            let own;
+            let of_before;
             let from = match (offset.abs(), before) {
-                (1, _) => &self.halves[h],
+                (1, _) => &own,
                 (_, Some(before)) => {
-                    own = before.half(h)?;
-                    &own
+                    of_before = before.half(h)?;
+                    &of_before
                 }
                 (_, None) => return leave("the frame between is missing".into(), false),
             };
-            let (step, said) = step(from, &others[h], reading);
+            let (step, said) = step(from, &other, self.settings.motion[direction]);
             motion = motion.or(Some(said));
-            fields.push(match &self.ways[direction] {
+            let field = match &self.ways[direction] {
                 Some(ways) if offset.abs() > 1 => composed(&ways[h], &step),
                 None if offset.abs() > 1 => return leave("the frame between is missing".into(), false),
                 _ => step,
-            });
+            };
+            like = like.min(likeness(&own.denoised, &other.denoised, &field));
+            ways.push(Way { valid: validity(&own.guides(), &other.guides(), &field), field });
         }
-        let ways: Vec<Way> = fields
-            .into_iter()
-            .enumerate()
-            .map(|(h, field)| Way { valid: validity(&self.halves[h].guides(), &others[h].guides(), &field), field })
-            .collect();
         let [a, b] = [&ways[0], &ways[1]];
         let share = 0.5 * (mean(&a.valid) + mean(&b.valid));
-        let like = (0..2).map(|h| likeness(&self.halves[h].denoised, &others[h].denoised, &ways[h].field));
-        let like = like.fold(f64::INFINITY, f64::min);
-        let shared = self.shared_noise(centre, neighbour, [a, b])?;
+        let shared = self.shared_noise(neighbour, [a, b])?;
         let left_out = if share < LEAST_VALIDITY || like < LEAST_LIKENESS {
             Some((format!("it shows something else (mean validity {share:.2}, correlation of z {like:.2})"), false))
         } else if let Some(shared) = shared.filter(|shared| *shared > MOST_SHARED_NOISE) {
@@ -180,22 +166,26 @@ impl<'a> Work<'a> {
             None
         };
         if left_out.is_none() {
+            let empty = || [0; 3].map(|_| TemporalMean::new(centre.count(), height, width));
+            let sums = self.sums.get_or_insert_with(empty);
             for (h, way) in ways.iter().enumerate() {
-                self.sums[h].add(&borrowed(&others[h].pictures), &way.field, &way.valid);
+                sums[h].add(&borrowed(&neighbour.pictures(h)?), &way.field, &way.valid);
             }
             let field = of_full([&a.field, &b.field], [&a.valid, &b.valid]);
             let valid = Image::mean_of(&a.valid, &b.valid);
-            self.sums[2].add(&borrowed(&neighbour.full()?), &field, &valid);
-            self.is_empty = false;
+            sums[2].add(&borrowed(&neighbour.full()?), &field, &valid);
         }
-        let [a, b] = [0, 1].map(|h| ways[h].field.clone());
-        self.ways[direction] = Some([a, b]);
+        if offset.unsigned_abs() < self.settings.extra_frames as u32 {
+            let mut fields = ways.into_iter().map(|way| way.field);
+            self.ways[direction] = fields.next().zip(fields.next()).map(|(a, b)| [a, b]);
+        }
         let left_out = left_out.map(|(text, is_warning)| LeftOut { text, is_warning });
         Ok(Added { motion, validity: share, left_out })
     }
 
     /// The larger excess of both orders of halves.
-    fn shared_noise(&self, centre: &Sides, neighbour: &Sides, ways: [&Way; 2]) -> Result<Option<f64>, Error> {
+    fn shared_noise(&self, neighbour: &Sides, ways: [&Way; 2]) -> Result<Option<f64>, Error> {
+        let centre = self.centre;
         let (height, width) = centre.size();
         let rows = height.min(ROWS_LOOKED_AT);
         let top = (height - rows) / 2;
@@ -211,14 +201,11 @@ impl<'a> Work<'a> {
         Ok(most)
     }
 
-    fn finish(self, centre: &Sides) -> Result<Option<Vec<DenoisedVariant>>, Error> {
-        if self.is_empty {
-            return Ok(None);
-        }
-        let [a, b, full] = self.sums;
-        let own_full = centre.full()?;
-        let [a, b] = [(a, 0), (b, 1)].map(|(sum, h)| sum.finish(&borrowed(&self.halves[h].pictures)));
-        let full = full.finish(&borrowed(&own_full));
+    fn finish(self) -> Result<Option<Vec<DenoisedVariant>>, Error> {
+        let Some([a, b, full]) = self.sums else { return Ok(None) };
+        let a = a.finish(&borrowed(&self.centre.pictures(0)?));
+        let b = b.finish(&borrowed(&self.centre.pictures(1)?));
+        let full = full.finish(&borrowed(&self.centre.full()?));
         let means = a.into_iter().zip(b).zip(full);
         Ok(Some(means.map(|((a, b), full)| DenoisedVariant { halves: [a, b], full: Some(full) }).collect()))
     }

@@ -52,11 +52,9 @@ pub enum Sides {
     Files(Box<OpenFrame>),
 }
 
-/// What one half gives to its neighbours' means.
+/// What motion between one half and its neighbour's is found from, and how far it is valid.
 pub struct Side<'a> {
-    /// What is averaged: its variants of z, or z alone, `[3, H, W]` each.
-    pub pictures: Vec<Cow<'a, Image>>,
-    /// z.
+    /// z, `[3, H, W]`.
     pub denoised: Cow<'a, Image>,
     albedo: Option<Cow<'a, Image>>,
     normal: Option<Cow<'a, Image>>,
@@ -98,9 +96,7 @@ impl Sides {
         match self {
             Sides::Decoded(decoded) => {
                 let own = decoded.half(half);
-                let variants = decoded.frame.variants.iter().map(|variant| Cow::Borrowed(&variant.halves[half]));
                 Ok(Side {
-                    pictures: or_itself(variants.collect(), || Cow::Borrowed(&own.denoised)),
                     denoised: Cow::Borrowed(&own.denoised),
                     albedo: own.albedo.as_ref().map(Cow::Borrowed),
                     normal: own.normal.as_ref().map(Cow::Borrowed),
@@ -110,18 +106,41 @@ impl Sides {
             }
             Sides::Files(open) => {
                 let (buffer, all) = (HALVES[half], 0..open.height());
-                let pictures = open.denoised_rows(buffer, all.clone())?;
                 let role = |role| Ok::<_, Error>(open.role_rows(role, buffer, all.clone())?.map(Cow::Owned));
                 Ok(Side {
                     // The first is z itself.
-                    denoised: Cow::Owned(pictures[0].clone()),
-                    pictures: pictures.into_iter().map(Cow::Owned).collect(),
+                    denoised: Cow::Owned(open.denoised_rows(buffer, all.clone())?.swap_remove(0)),
                     albedo: role(Role::Albedo)?,
                     normal: role(Role::Normal)?,
                     motion: role(Role::Motion)?,
                     matchable: None,
                 })
             }
+        }
+    }
+
+    /// The pictures of a half that are averaged: its variants of z, or z alone, `[3, H, W]` each.
+    ///
+    /// # Errors
+    /// What reading can raise.
+    pub fn pictures(&self, half: usize) -> Result<Vec<Cow<'_, Image>>, Error> {
+        match self {
+            Sides::Decoded(decoded) => {
+                let variants = decoded.frame.variants.iter().map(|variant| Cow::Borrowed(&variant.halves[half]));
+                Ok(or_itself(variants.collect(), || Cow::Borrowed(&decoded.half(half).denoised)))
+            }
+            Sides::Files(open) => {
+                let pictures = open.denoised_rows(HALVES[half], 0..open.height())?;
+                Ok(pictures.into_iter().map(Cow::Owned).collect())
+            }
+        }
+    }
+
+    /// How many pictures of each buffer are averaged.
+    pub fn count(&self) -> usize {
+        match self {
+            Sides::Decoded(decoded) => decoded.frame.variants.len().max(1),
+            Sides::Files(open) => open.variants().max(1),
         }
     }
 
