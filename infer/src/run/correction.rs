@@ -72,7 +72,7 @@ pub fn correct_source(
 /// A frame that is not needed afterwards: each half goes as soon as its features are there.
 fn whole(shared: &Shared, frame: Frame, stats: FrameStats, how: &CorrectionSettings) -> Result<Corrected, Failure> {
     let begin = Instant::now();
-    let how = CorrectionSettings { rows: Some(frame.height()), ..how.clone() };
+    let how = CorrectionSettings { rows: Some(frame.height()), ..*how };
     let composition = shared.engine.model().contract.composition;
     let mut frame = PreparedFrame::of_owned(frame, stats, composition.skips_still_blocks());
     let features = begin.elapsed().as_secs_f64();
