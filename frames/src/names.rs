@@ -33,8 +33,7 @@ const fn known(pattern: NamePattern, source: &'static str) -> Known {
 const ARNOLD: &str =
     "Arnold, Denoising, help.autodesk.com/cloudhelp/ENU/AR-Core/files/arnold_user_guide_ac_denoising_html.html";
 const ARNOLD_AOVS: &str = "Arnold, AOVs, help.autodesk.com/view/ARNOL";
-const ARNOLD_POSITION: &str =
-    "Arnold, Built-in AOVs, help.autodesk.com/cloudhelp/ENU/AR-DevGuide/files/plugins/shaders/arnold_dev_guide_shading_lighting_av_aovs_html.html";
+const ARNOLD_POSITION: &str = "Arnold, Built-in AOVs, help.autodesk.com/cloudhelp/ENU/AR-DevGuide/files/plugins/shaders/arnold_dev_guide_shading_lighting_av_aovs_html.html";
 const COMMON: &str = "what artists and pipelines write";
 const CORONA: &str = "Corona, Render Elements, docs.chaos.com/display/CRMAX/Render+Elements";
 const CYCLES: &str = "Blender Cycles, Passes, docs.blender.org/manual/en/latest/render/layers/passes.html";
