@@ -318,6 +318,11 @@ impl OpenFrame {
         self.has(Role::Motion, Buffer::A)
     }
 
+    /// Whether both halves have world positions.
+    pub fn has_position(&self) -> bool {
+        self.has(Role::Position, Buffer::A)
+    }
+
     /// Matrices from the world to the picture in the attributes of a half's files ([`CAMERAS`]), the likeliest first: 16
     /// values each, in the file's order. Where half b's files have none, half a's.
     pub fn cameras(&self, half: Buffer) -> Vec<[f32; 16]> {

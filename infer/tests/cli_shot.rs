@@ -171,17 +171,20 @@ fn positions_and_cameras_tell_motion_where_a_pass_does_not() {
     let plain = motion("plain", &[]);
     assert_eq!(plain, [("estimated".to_string(), true), ("estimated".to_string(), true)]);
     // A layer of that name alone changes nothing, nor does a neighbour without a camera, or with another's.
-    write(2, Some(None));
+    write(2, Some((2, None)));
     assert_eq!(motion("lonely", &[]), [0, 1].map(|_| estimated("the file has no camera matrix (worldToNDC)")));
-    write(2, Some(Some(2)));
-    write(3, Some(Some(2)));
+    write(2, Some((2, Some(2))));
+    write(3, Some((3, Some(2))));
     let off = estimated("in the neighbour the camera matrix lays it 2.8 pixels off its own pixels");
     assert_eq!(motion("wrong", &[]), [estimated("the neighbour has none"), off]);
-    for out in ["lonely", "wrong"] {
+    // What moves itself, seen by a camera that stands still.
+    (1..=3).for_each(|number| write(number, Some((2, Some(2)))));
+    assert_eq!(motion("still", &[]), [0, 1].map(|_| estimated("it lays features over each other less well")));
+    for out in ["lonely", "wrong", "still"] {
         assert_eq!(picture(folder, out, 2), picture(folder, "plain", 2), "{out}");
     }
     // Both have one.
-    (1..=3).for_each(|number| write(number, Some(Some(number))));
+    (1..=3).for_each(|number| write(number, Some((number, Some(number)))));
     assert_eq!(motion("seen", &[]), [0, 1].map(|_| ("position".to_string(), true)));
     assert_ne!(picture(folder, "seen", 2), picture(folder, "plain", 2));
     assert_eq!(motion("none", &["--role", "position=none"]), plain);

@@ -26,6 +26,10 @@ const OUTSIDE_ERROR: f32 = 1.0;
 /// Two readings this near, relatively, are as good as each other: the earlier in the list is taken.
 const AS_GOOD: f64 = 1.02;
 
+/// Mean error of what comes into view and has no place in the neighbour: an estimate finds something alike for it. Estimates
+/// also follow noise, to 0.93 of the error of exact motion.
+const COMES_INTO_VIEW: f64 = 0.02;
+
 /// What one unit of a motion pass is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -186,23 +190,25 @@ impl<'a> Alignment<'a> {
         self.pairs.is_empty()
     }
 
-    /// Whether a field lays features over each other as well as another, over the pixels that both lead to.
+    /// Whether a field that is exact for what stands still does not lay features over each other clearly worse than an
+    /// estimated one, over the pixels that both lead to.
     ///
     /// # Panics
     /// When sizes differ.
-    pub fn is_as_good(&self, field: &Field, other: &Field) -> bool {
-        assert!(field.same_size(other), "fields of one size");
+    pub fn is_as_good(&self, field: &Field, estimated: &Field) -> bool {
+        assert!(field.same_size(estimated), "fields of one size");
         let (height, width) = (field.height(), field.width());
         let lead = |at: usize| {
             let (x, y) = ((at % width) as f32, (at / width) as f32);
             let inside = |to: &Field| Taps::at(x + to.plane(0)[at], y + to.plane(1)[at], height, width).is_some();
-            inside(field) && inside(other)
+            inside(field) && inside(estimated)
         };
         let error = |of: &Field| {
             let displacement = |at: usize| lead(at).then(|| (of.plane(0)[at], of.plane(1)[at]));
-            self.error_where(displacement, height, width).0
+            let (sum, count) = self.error_where(displacement, height, width);
+            if count > 0.0 { sum / count } else { 0.0 }
         };
-        error(field) <= AS_GOOD * error(other) + f64::from(f32::EPSILON)
+        DECISIVE * error(field) <= error(estimated) + COMES_INTO_VIEW
     }
 
     /// Error and count of pixels that a displacement leads to, over a grid of pixels; pixels without a finite value on

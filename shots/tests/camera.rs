@@ -4,6 +4,7 @@ use sspc_image::Image;
 use sspc_shots::camera::{Camera, Screen, Unusable, moved};
 use sspc_shots::convention::Alignment;
 use sspc_shots::field::{Field, still};
+use sspc_shots::flow::{Matchable, estimated};
 use sspc_shots::validity::{Guides, validity};
 
 const HEIGHT: usize = 74;
@@ -235,4 +236,33 @@ fn fields_are_compared_where_both_lead_to() {
     // The same, but for pixels that one of both leads out.
     let shy = Image::from_fn(2, 40, 60, |c, _, x| if c == 0 && x < 51 { 9.0 } else { 0.0 });
     assert!(alignment.is_as_good(&by(9.0), &shy) && alignment.is_as_good(&shy, &by(9.0)));
+}
+/// Albedo of some detail and noise; the near plane's own texture has slid so far.
+fn albedo(pose: Pose, detail: f64, noise: f32, slid: f64) -> Image {
+    let mut rng = fastrand::Rng::with_seed(9 + u64::from(pose.turned > HERE.turned - 0.01));
+    let mut albedo = Image::from_fn(3, HEIGHT, WIDTH, |c, y, x| {
+        let [px, py, z] = pose.hit(x as f64, y as f64);
+        let across = if z < 3.0 { px - slid } else { px };
+        let waves = (24.0 / z * across + c as f64).sin() + (19.0 / z * py + 0.3 * across).sin();
+        (0.4 + 0.1 * z / 6.0 + 0.2 * detail * waves) as f32
+    });
+    albedo.data_mut().iter_mut().for_each(|v| *v += noise * 3.46 * (rng.f32() - 0.5));
+    albedo
+}
+
+#[test]
+fn exact_motion_is_taken_unless_things_move_themselves() {
+    let is_taken = |detail: f64, noise: f32, slid: f64| {
+        let (own, next) = (albedo(HERE, detail, noise, 0.0), albedo(NEXT, detail, noise, slid));
+        let guides = |albedo| Guides { albedo: Some(albedo), normal: None };
+        let matchable = |albedo| Matchable::of(albedo, &guides(albedo));
+        let estimate = estimated(&matchable(&own), &matchable(&next));
+        let (here, there) = (camera(HERE, HERE.to_ndc()), camera(NEXT, NEXT.to_ndc()));
+        let field = moved(&HERE.positions(), &here, &there, &estimate);
+        Alignment::of(&guides(&own), &guides(&next)).is_as_good(&field, &estimate)
+    };
+    for (detail, noise) in [(1.0, 0.0), (0.3, 0.1), (0.3, 0.3), (0.0, 0.1), (0.0, 0.0)] {
+        assert!(is_taken(detail, noise, 0.0), "detail {detail}, noise {noise}");
+    }
+    assert!(!is_taken(1.0, 0.0, 0.15) && !is_taken(1.0, 0.05, -0.15));
 }

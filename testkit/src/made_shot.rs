@@ -21,8 +21,8 @@ pub struct MadeFrame {
     pub is_other_scene: bool,
     /// Factor on the motion pass.
     pub motion: f32,
-    /// Whether there is a pass `P` of world positions, and the frame whose camera the files name, if any.
-    pub seen: Option<Option<i32>>,
+    /// The frame whose world positions are in a pass `P`, if there is one, and the one whose camera is in the attributes.
+    pub seen: Option<(i32, Option<i32>)>,
 }
 
 impl MadeFrame {
@@ -48,9 +48,9 @@ impl MadeFrame {
         })
     }
 
-    /// World positions `[3, H, W]`: those of the texture, on the plane z = 0.
-    fn positions(&self) -> Image {
-        let moved = [MOVED.0, MOVED.1].map(|by| by * self.number as f32);
+    /// World positions `[3, H, W]` of a frame: those of the texture, on the plane z = 0.
+    fn positions(&self, number: i32) -> Image {
+        let moved = [MOVED.0, MOVED.1].map(|by| by * number as f32);
         let (height, width) = self.size;
         Image::from_fn(3, height, width, |c, y, x| [x as f32 - moved[0], y as f32 - moved[1], 0.0][c])
     }
@@ -95,9 +95,9 @@ impl MadeFrame {
                 ("albedo", "RGB", &truth, false),
                 ("Vector", "XYZW", &vector, false),
             ];
-            let positions = self.positions();
-            layers.extend(self.seen.map(|_| ("P", "XYZ", &positions, false)));
-            write_seen(&path, &layers, self.seen.flatten().map(|number| self.camera(number)));
+            let positions = self.seen.map(|(number, _)| self.positions(number));
+            layers.extend(positions.as_ref().map(|positions| ("P", "XYZ", positions, false)));
+            write_seen(&path, &layers, self.seen.and_then(|seen| seen.1).map(|number| self.camera(number)));
             path
         })
     }

@@ -259,10 +259,8 @@ fn step(from: &Side, to: &Side, reading: Option<Convention>) -> (Field, String) 
 
 /// Motion by world positions and cameras, as estimated where positions are not known; why not, where positions are there.
 fn by_position(from: &Side, to: &Side, estimate: &Field) -> Option<Result<Field, String>> {
-    let seen = from.seen.as_deref()?;
-    let theirs = to.seen.as_deref().map(|seen| seen.camera.as_ref());
-    let field = match (&seen.camera, theirs) {
-        (Ok(own), Some(Ok(other))) => moved(&seen.position, own, other, estimate),
+    let field = match (from.seen.as_deref()?, to.seen.as_deref()) {
+        (Ok(own), Some(Ok(other))) => moved(&own.position, &own.camera, &other.camera, estimate),
         (Err(why), _) => return Some(Err(why.to_string())),
         (_, Some(Err(why))) => return Some(Err(format!("in the neighbour {why}"))),
         (_, None) => return Some(Err("the neighbour has none".to_string())),

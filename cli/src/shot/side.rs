@@ -21,12 +21,20 @@ const HALVES: [Buffer; 2] = [Buffer::A, Buffer::B];
 pub struct Seen {
     /// World positions `[3, H, W]`.
     pub position: Image,
-    /// The frame's camera, or why there is none.
-    pub camera: Result<Camera, Unusable>,
+    /// The frame's camera.
+    pub camera: Camera,
 }
 
 impl Seen {
-    fn read(open: &OpenFrame, half: Buffer) -> Result<Option<Self>, Error> {
+    /// Reads a half's; `None` where the files hold no positions.
+    fn read(open: &OpenFrame, half: Buffer) -> Result<Option<Result<Self, Unusable>>, Error> {
+        if !open.has_position() {
+            return Ok(None);
+        }
+        let cameras = open.cameras(half);
+        if cameras.is_empty() {
+            return Ok(Some(Err(Unusable::NoMatrix)));
+        }
         let Some(position) = open.role_rows(Role::Position, half, 0..open.height())? else { return Ok(None) };
         let Placing { window, display } = open.placing();
         let from = |first: i32, own: i32| f64::from(first) - f64::from(own);
@@ -36,8 +44,7 @@ impl Seen {
             width: display.width as f64,
             height: display.height as f64,
         };
-        let camera = Camera::of(&position, &open.cameras(half), &screen);
-        Ok(Some(Self { position, camera }))
+        Ok(Some(Camera::of(&position, &cameras, &screen).map(|camera| Self { position, camera })))
     }
 }
 
@@ -48,7 +55,7 @@ pub struct Decoded {
     /// Motion of half a and of half b.
     pub motion: Option<[Image; 2]>,
     /// World positions of half a and of half b.
-    seen: [Option<Seen>; 2],
+    seen: [Option<Result<Seen, Unusable>>; 2],
     /// Which denoised pictures were made, where the files do not hold them.
     pub denoiser: Option<DenoiserReport>,
     matchable: [OnceLock<Arc<Matchable>>; 2],
@@ -92,8 +99,8 @@ pub struct Side<'a> {
     normal: Option<Cow<'a, Image>>,
     /// The motion pass, two to four components.
     pub motion: Option<Cow<'a, Image>>,
-    /// World positions and their camera.
-    pub seen: Option<Cow<'a, Seen>>,
+    /// World positions and their camera, or why they are of no use.
+    pub seen: Option<Cow<'a, Result<Seen, Unusable>>>,
     matchable: Option<&'a OnceLock<Arc<Matchable>>>,
 }
 
