@@ -185,7 +185,7 @@ fn input(frame: &SspcFrame, role: Role, buffer: Buffer) -> &SspcInput {
         Role::Albedo => of_half(&frame.albedo_a, &frame.albedo_b),
         Role::Normal => of_half(&frame.normal_a, &frame.normal_b),
         Role::Visibility => of_half(&frame.visibility_a, &frame.visibility_b),
-        Role::Motion => unreachable!("motion is of shots"),
+        Role::Motion | Role::Position => unreachable!("motion is of shots"),
         Role::Dx | Role::Dy => unreachable!("differences are of training"),
     }
 }

@@ -36,7 +36,7 @@ pub fn refuse_one_half(filled: &[Filled], path_of: impl Fn(usize) -> PathBuf) ->
 /// Takes out features that only one half has, which cannot be used, and says so.
 pub fn drop_lonely_features(filled: &mut Vec<Filled>, path_of: impl Fn(usize) -> PathBuf) -> Vec<String> {
     let mut said = Vec::new();
-    for role in Role::FEATURES.into_iter().chain([Role::Motion]).chain(Role::DIFFERENCES) {
+    for role in Role::FEATURES.into_iter().chain([Role::Motion, Role::Position]).chain(Role::DIFFERENCES) {
         let of_role: Vec<&Filled> = filled.iter().filter(|filled| filled.role == role).collect();
         if let [lonely] = of_role.as_slice() {
             let path = path_of(lonely.file);

@@ -131,10 +131,26 @@ impl ExrFile {
         self.container.parts[part].display
     }
 
+    /// The matrices of these names in the attributes of a part, else of the first part that has any.
+    pub fn matrices(&self, part: usize, names: &[&str]) -> Vec<[f32; 16]> {
+        let of_part = |part: &Part| {
+            let found = names.iter().filter_map(|name| matrix_of(part.header.get(name, "m44f")?));
+            Some(found.collect::<Vec<_>>()).filter(|found| !found.is_empty())
+        };
+        let parts = &self.container.parts;
+        std::iter::once(&parts[part]).chain(parts).find_map(of_part).unwrap_or_default()
+    }
+
     /// What a fault of this file means.
     pub(crate) fn error(&self, fault: Fault) -> Error {
         error_of(&self.path, self.purpose, fault)
     }
+}
+
+/// The values of an attribute of type m44f, if it has as many bytes.
+fn matrix_of(bytes: &[u8]) -> Option<[f32; 16]> {
+    let values = bytes.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect::<Vec<_>>();
+    values.try_into().ok().filter(|_| bytes.len() == 64)
 }
 
 /// An image of the pixels `inside` among those of `window`; the others are NaN.

@@ -33,6 +33,7 @@ const fn known(pattern: NamePattern, source: &'static str) -> Known {
 const ARNOLD: &str =
     "Arnold, Denoising, help.autodesk.com/cloudhelp/ENU/AR-Core/files/arnold_user_guide_ac_denoising_html.html";
 const ARNOLD_AOVS: &str = "Arnold, AOVs, help.autodesk.com/view/ARNOL";
+const ARNOLD_POSITION: &str = "Arnold, Built-in AOVs, help.autodesk.com/cloudhelp/ENU/AR-DevGuide/files/plugins/shaders/arnold_dev_guide_shading_lighting_av_aovs_html.html";
 const COMMON: &str = "what artists and pipelines write";
 const CORONA: &str = "Corona, Render Elements, docs.chaos.com/display/CRMAX/Render+Elements";
 const CYCLES: &str = "Blender Cycles, Passes, docs.blender.org/manual/en/latest/render/layers/passes.html";
@@ -50,6 +51,7 @@ const PAPER: &str = "the paper's published data";
 const PBRT: &str = "pbrt-v4, GBufferFilm, pbrt.org/fileformat-v4";
 const REDSHIFT: &str = "Redshift, Integrated AOVs, docs.redshift3d.com/display/RSDOCS/Integrated+AOVs";
 const RENDERMAN: &str = "RenderMan, Denoising, rmanwiki.pixar.com/display/REN24/Denoising";
+const RENDERMAN_AOVS: &str = "RenderMan, Arbitrary Output Variables, rmanwiki.pixar.com";
 const VRAY: &str = "V-Ray, Denoiser render element, docs.chaosgroup.com/pages/viewpage.action?pageId=43549161";
 const VRAY_NAMES: &str = "V-Ray, default channel names, docs.chaos.com/pages/viewpage.action?pageId=29564243";
 
@@ -159,6 +161,26 @@ const MOTION: &[Known] = &[
     known(Whole("motion"), "Nuke, VectorGenerator, learn.foundry.com/nuke"),
 ];
 
+/// Position in the world, which a camera's matrix is tried on (`sspc-shots`): in camera space it is refused there.
+const POSITION: &[Known] = &[
+    known(Whole("p"), ARNOLD_POSITION),
+    known(Whole("position"), CYCLES),
+    known(Whole("__pworld"), RENDERMAN_AOVS),
+    known(Whole("pworld"), COMMON),
+    known(Whole("hitp"), KARMA),
+    known(Whole("worldposition"), COMMON),
+    known(Whole("world_position"), COMMON),
+    known(Whole("world position"), REDSHIFT),
+    known(Whole("worldpos"), MOONRAY),
+    known(Whole("cgeometry_worldposition"), CORONA),
+];
+
+/// Attributes that hold the matrix from the world to the picture. `worldToNDC` is OpenEXR's (Standard Attributes,
+/// openexr.com/en/latest/StandardAttributes.html): (0, 0) is the upper left and (1, 1) the lower right corner of the display
+/// window. Mantra's is -1..1 (ynput/ayon-houdini, issue 76), as was that of programs that write by OpenImageIO before its
+/// pull request 2609; `worldToScreen` and RenderMan's `NP` are the other names that OpenUSD knows for it.
+pub const CAMERAS: [&str; 4] = ["worldToNDC", "worldToScreen", "worldtoscreen", "NP"];
+
 /// Differences to the right-hand neighbour.
 const DX: &[Known] = &[
     known(Whole("dx"), GRADIENTS),
@@ -189,6 +211,7 @@ pub fn candidates(role: Role) -> &'static [Known] {
         Role::Normal => NORMAL,
         Role::Visibility => VISIBILITY,
         Role::Motion => MOTION,
+        Role::Position => POSITION,
         Role::Dx => DX,
         Role::Dy => DY,
     }

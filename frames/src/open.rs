@@ -5,6 +5,7 @@ use crate::align::Placing;
 use crate::checks::{Inspection, left_out, lossy_inputs};
 use crate::error::Error;
 use crate::files::FrameFiles;
+use crate::names::CAMERAS;
 use crate::output::OutputPlan;
 use crate::overrides::RoleOverrides;
 use crate::passes::{OpenPasses, PassSelection};
@@ -217,10 +218,10 @@ impl OpenFrame {
     /// # Panics
     /// When the rows leave the picture, and when denoised halves are neither in the files nor supplied.
     pub fn rows(&self, rows: Range<usize>) -> Result<Frame, Error> {
-        // Motion is of shots.
+        // Motion and position are of shots.
         let with_differences = Role::DIFFERENCES.iter().all(|role| self.has(*role, Buffer::A));
         let is_wanted = |role: Role| match role {
-            Role::Motion => false,
+            Role::Motion | Role::Position => false,
             Role::Dx | Role::Dy => with_differences,
             _ => true,
         };
@@ -315,6 +316,23 @@ impl OpenFrame {
     /// Whether both halves have motion.
     pub fn has_motion(&self) -> bool {
         self.has(Role::Motion, Buffer::A)
+    }
+
+    /// Whether both halves have world positions.
+    pub fn has_position(&self) -> bool {
+        self.has(Role::Position, Buffer::A)
+    }
+
+    /// Matrices from the world to the picture in the attributes of a half's files ([`CAMERAS`]), the likeliest first: 16
+    /// values each, in the file's order. Where half b's files have none, half a's.
+    pub fn cameras(&self, half: Buffer) -> Vec<[f32; 16]> {
+        let roles = [(Role::Position, half), (Role::Radiance, half), (Role::Radiance, Buffer::A)];
+        let of_role = |(role, buffer)| {
+            let Filled { file, channels, .. } = self.resolution.get(role, buffer)?;
+            let file = &self.resolution.files[*file];
+            Some(file.matrices(file.channels[channels[0]].part, &CAMERAS)).filter(|found| !found.is_empty())
+        };
+        roles.into_iter().find_map(of_role).unwrap_or_default()
     }
 
     /// Some rows of the roles that are wanted.

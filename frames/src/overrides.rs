@@ -51,7 +51,7 @@ pub struct RoleOverrides {
     view: Option<String>,
     /// All views are corrected, each in turn.
     all_views: bool,
-    /// Motion is looked for.
+    /// Motion and position are looked for.
     with_motion: bool,
     /// Differences of y are looked for.
     with_differences: bool,
@@ -109,7 +109,7 @@ impl RoleOverrides {
         Self { all_views: true, ..self.of_view(Some(view)) }
     }
 
-    /// The same, with motion looked for as well: frames of a shot, which have neighbours to move to.
+    /// The same, with motion and position looked for as well: frames of a shot, which have neighbours to move to.
     pub fn with_motion(self) -> Self {
         Self { with_motion: true, ..self }
     }
@@ -122,7 +122,7 @@ impl RoleOverrides {
     /// Whether a role is looked for.
     pub fn wants(&self, role: Role) -> bool {
         match role {
-            Role::Motion => self.with_motion,
+            Role::Motion | Role::Position => self.with_motion,
             Role::Dx | Role::Dy => self.with_differences,
             _ => true,
         }
@@ -197,10 +197,11 @@ fn split_target(text: &str) -> Result<(Role, &'static [Buffer], &str), Error> {
         "normal" => Role::Normal,
         "visibility" => Role::Visibility,
         "motion" => Role::Motion,
+        "position" => Role::Position,
         "dx" => Role::Dx,
         "dy" => Role::Dy,
         other => {
-            let expected = "radiance, denoised, albedo, normal, visibility, motion, dx or dy";
+            let expected = "radiance, denoised, albedo, normal, visibility, motion, position, dx or dy";
             return Err(wrong(text, expected, format!("'{other}'")));
         }
     };

@@ -118,9 +118,19 @@ pub fn resolve(files: &FrameFiles, overrides: &RoleOverrides) -> Result<Resoluti
     search.name_other_views();
     let Search { opened, mut warnings, .. } = search;
     let files: Vec<ExrFile> = opened.into_iter().map(|(file, _)| file).collect();
+    warnings.extend(drop_unaligned_position(&files, &mut filled));
     let Aligned { window, said } = align(&files, &mut filled)?;
     warnings.extend(said);
     Ok(Resolution { files, filled, window, undenoised, warnings })
+}
+
+/// Takes out world positions that lie elsewhere than the frame, and says so: nobody needs them.
+fn drop_unaligned_position(files: &[ExrFile], filled: &mut Vec<Filled>) -> Option<String> {
+    let is_position = |known: &Filled| known.role == Role::Position;
+    filled.iter().find(|known| is_position(known))?;
+    let error = align(files, &mut filled.clone()).err()?;
+    filled.retain(|known| !is_position(known));
+    Some(format!("{} is not used: {error}", Role::Position))
 }
 
 struct Search<'a> {

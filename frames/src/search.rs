@@ -295,6 +295,7 @@ impl Layers {
             Role::Normal => &["normal", "norm", "nrm"],
             Role::Visibility => &["visib", "shadow"],
             Role::Motion => &["motion", "vector", "velocity"],
+            Role::Position => &["position", "world"],
             Role::Dx => &["dx", "gradient"],
             Role::Dy => &["dy", "gradient"],
         };

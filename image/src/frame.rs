@@ -86,7 +86,7 @@ impl HalfBuffer {
             Role::Albedo => self.albedo.as_ref(),
             Role::Normal => self.normal.as_ref(),
             Role::Visibility => self.visibility.as_ref(),
-            Role::Radiance | Role::Denoised | Role::Motion | Role::Dx | Role::Dy => None,
+            Role::Radiance | Role::Denoised | Role::Motion | Role::Position | Role::Dx | Role::Dy => None,
         }
     }
 

@@ -17,6 +17,8 @@ pub enum Role {
     Visibility,
     /// Motion of what is seen to the neighbouring frames of a shot: two channels to one of them, or four to both.
     Motion,
+    /// World position of what is seen, 3 channels; with a camera it tells motion.
+    Position,
     /// Horizontal differences of y, y(x + 1) - y(x), as gradient-domain renderers estimate them, 3 channels.
     Dx,
     /// Vertical differences of y, that of the row below less that of this one, 3 channels.
@@ -36,13 +38,14 @@ pub enum Buffer {
 
 impl Role {
     /// All roles, in the order they are read.
-    pub const ALL: [Role; 8] = [
+    pub const ALL: [Role; 9] = [
         Role::Radiance,
         Role::Denoised,
         Role::Albedo,
         Role::Normal,
         Role::Visibility,
         Role::Motion,
+        Role::Position,
         Role::Dx,
         Role::Dy,
     ];
@@ -63,7 +66,7 @@ impl Role {
         match self {
             Role::Visibility => 1,
             Role::Motion => 4,
-            Role::Radiance | Role::Denoised | Role::Albedo | Role::Normal | Role::Dx | Role::Dy => 3,
+            Role::Radiance | Role::Denoised | Role::Albedo | Role::Normal | Role::Position | Role::Dx | Role::Dy => 3,
         }
     }
 
@@ -76,6 +79,7 @@ impl Role {
             Role::Normal => "normal",
             Role::Visibility => "visibility",
             Role::Motion => "motion",
+            Role::Position => "position",
             Role::Dx => "dx",
             Role::Dy => "dy",
         }
@@ -102,6 +106,7 @@ impl fmt::Display for Role {
             Role::Normal => "normal",
             Role::Visibility => "visibility",
             Role::Motion => "motion",
+            Role::Position => "world position",
             Role::Dx => "horizontal differences",
             Role::Dy => "vertical differences",
         })

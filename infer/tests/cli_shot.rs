@@ -159,6 +159,45 @@ fn a_motion_pass_that_says_nothing_or_leads_elsewhere_is_not_used() {
 }
 
 #[test]
+fn positions_and_cameras_tell_motion_where_a_pass_does_not() {
+    let shot = shot();
+    let folder = shot.path();
+    let write = |number, seen| drop(MadeFrame { seen, ..MadeFrame::new(number) }.write(folder));
+    let motion = |out: &str, more: &[&str]| {
+        run(folder, "shot.onnx", "2", out, &[&["--role", "motion=none"], more].concat());
+        neighbours(folder, out, 2).into_iter().map(|(_, motion, left)| (motion, left.is_none())).collect::<Vec<_>>()
+    };
+    let estimated = |why: &str| (format!("estimated (position: {why})"), true);
+    let plain = motion("plain", &[]);
+    assert_eq!(plain, [("estimated".to_string(), true), ("estimated".to_string(), true)]);
+    // A layer of that name alone changes nothing, nor does a neighbour without a camera, or with another's.
+    write(2, Some((2, None)));
+    assert_eq!(motion("lonely", &[]), [0, 1].map(|_| estimated("the file has no camera matrix (worldToNDC)")));
+    write(2, Some((2, Some(2))));
+    write(3, Some((3, Some(2))));
+    let off = estimated("in the neighbour the camera matrix lays it 2.8 pixels off its own pixels");
+    assert_eq!(motion("wrong", &[]), [estimated("the neighbour has none"), off]);
+    // What moves itself, seen by a camera that stands still.
+    (1..=3).for_each(|number| write(number, Some((2, Some(2)))));
+    assert_eq!(motion("still", &[]), [0, 1].map(|_| estimated("it lays features over each other less well")));
+    for out in ["lonely", "wrong", "still"] {
+        assert_eq!(picture(folder, out, 2), picture(folder, "plain", 2), "{out}");
+    }
+    // Both have one.
+    (1..=3).for_each(|number| write(number, Some((number, Some(number)))));
+    assert_eq!(motion("seen", &[]), [0, 1].map(|_| ("position".to_string(), true)));
+    assert_ne!(picture(folder, "seen", 2), picture(folder, "plain", 2));
+    assert_eq!(motion("none", &["--role", "position=none"]), plain);
+    assert_eq!(picture(folder, "none", 2), picture(folder, "plain", 2));
+    // The motion pass says the same, and goes first.
+    run(folder, "shot.onnx", "2", "pass", &[]);
+    assert_eq!(neighbours(folder, "pass", 2)[0].1, PREVIOUS.to_string());
+    let (seen, pass) = (picture(folder, "seen", 2), picture(folder, "pass", 2));
+    let apart = seen.data().iter().zip(pass.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(apart < 0.01, "{apart}");
+}
+
+#[test]
 fn a_shot_is_measured_frame_by_frame_and_as_a_whole() {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path();

@@ -66,7 +66,7 @@ impl FeatureSet {
             Role::Visibility => self.visibility,
             Role::Radiance | Role::Denoised => true,
             // They move pictures, or judge them, and are not read.
-            Role::Motion | Role::Dx | Role::Dy => false,
+            Role::Motion | Role::Position | Role::Dx | Role::Dy => false,
         }
     }
 

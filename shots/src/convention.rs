@@ -26,6 +26,10 @@ const OUTSIDE_ERROR: f32 = 1.0;
 /// Two readings this near, relatively, are as good as each other: the earlier in the list is taken.
 const AS_GOOD: f64 = 1.02;
 
+/// Mean error of what comes into view and has no place in the neighbour: an estimate finds something alike for it. Estimates
+/// also follow noise, to 0.93 of the error of exact motion.
+const COMES_INTO_VIEW: f64 = 0.02;
+
 /// What one unit of a motion pass is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -186,15 +190,46 @@ impl<'a> Alignment<'a> {
         self.pairs.is_empty()
     }
 
+    /// Whether a field that is exact for what stands still does not lay features over each other clearly worse than an
+    /// estimated one, over the pixels that both lead to.
+    ///
+    /// # Panics
+    /// When sizes differ.
+    pub fn is_as_good(&self, field: &Field, estimated: &Field) -> bool {
+        assert!(field.same_size(estimated), "fields of one size");
+        let (height, width) = (field.height(), field.width());
+        let lead = |at: usize| {
+            let (x, y) = ((at % width) as f32, (at / width) as f32);
+            let inside = |to: &Field| Taps::at(x + to.plane(0)[at], y + to.plane(1)[at], height, width).is_some();
+            inside(field) && inside(estimated)
+        };
+        let error = |of: &Field| {
+            let displacement = |at: usize| lead(at).then(|| (of.plane(0)[at], of.plane(1)[at]));
+            let (sum, count) = self.error_where(displacement, height, width);
+            if count > 0.0 { sum / count } else { 0.0 }
+        };
+        DECISIVE * error(field) <= error(estimated) + COMES_INTO_VIEW
+    }
+
     /// Error and count of pixels that a displacement leads to, over a grid of pixels; pixels without a finite value on
     /// either side count for nothing.
     fn error(&self, displacement: impl Fn(usize) -> (f32, f32) + Sync, height: usize, width: usize) -> (f64, f64) {
+        self.error_where(|at| Some(displacement(at)), height, width)
+    }
+
+    /// The same over the pixels that have a displacement.
+    fn error_where(
+        &self,
+        displacement: impl Fn(usize) -> Option<(f32, f32)> + Sync,
+        height: usize,
+        width: usize,
+    ) -> (f64, f64) {
         let stride = ((height * width) as f64 / LOOKED_AT as f64).sqrt().ceil().max(1.0) as usize;
         let rows: Vec<usize> = (stride / 2..height).step_by(stride).collect();
         let of_row = |&y: &usize| {
             let (mut sum, mut count) = (0.0f64, 0.0f64);
             for x in (stride / 2..width).step_by(stride) {
-                let (dx, dy) = displacement(y * width + x);
+                let Some((dx, dy)) = displacement(y * width + x) else { continue };
                 let error = match Taps::at(x as f32 + dx, y as f32 + dy, height, width) {
                     Some(taps) => self.of_pixel(y * width + x, width, &taps),
                     None => OUTSIDE_ERROR * self.pairs.len() as f32,

@@ -4,6 +4,7 @@
 //! | module | step |
 //! |---|---|
 //! | [`convention`] | what a renderer's motion pass means: sign, scale, which components |
+//! | [`camera`] | motion of what stands still, from world positions and cameras |
 //! | [`flow`] | motion estimated from a half's own pictures, where there is no pass |
 //! | [`field`] | displacements: where a pixel lies in another frame |
 //! | [`warp`] | pictures sampled along a field: Catmull-Rom for z, bilinear for features |
@@ -12,6 +13,7 @@
 //! | [`relation`] | neighbours that are left out: another shot, the same picture again, noise shared with the other half |
 #![forbid(unsafe_code)]
 
+pub mod camera;
 pub mod convention;
 pub mod field;
 pub mod flow;

@@ -129,6 +129,14 @@ pub fn write_layers(path: &Path, layers: &[(&str, &str, &Picture)]) {
 /// # Panics
 /// When there is none, or the folder cannot be written to.
 pub fn write_mixed(path: &Path, layers: &[(&str, &str, &Picture, bool)]) {
+    write_seen(path, layers, None);
+}
+
+/// The same, with the camera's matrix in the attribute `worldToNDC`.
+///
+/// # Panics
+/// When there is none, or the folder cannot be written to.
+pub fn write_seen(path: &Path, layers: &[(&str, &str, &Picture, bool)], camera: Option<[f32; 16]>) {
     let picture = layers[0].2;
     let list = layers.iter().flat_map(|(layer, endings, picture, half)| {
         endings.chars().enumerate().map(move |(c, ending)| {
@@ -144,7 +152,8 @@ pub fn write_mixed(path: &Path, layers: &[(&str, &str, &Picture, bool)]) {
     let line_order = LineOrder::Increasing;
     let encoding = Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order };
     let size = (picture.width(), picture.height());
-    let layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(list.collect()));
+    let attributes = LayerAttributes { world_to_normalized_device: camera, ..LayerAttributes::default() };
+    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(list.collect()));
     Image::from_layer(layer).write().to_file(path).expect("test file");
 }
 

@@ -1,6 +1,6 @@
 //! A made-up shot as files: a texture that moves, with its motion in a pass as Cycles writes it.
 
-use crate::exr_parts::write_layers;
+use crate::exr_parts::write_seen;
 use sspc_core::rng::Rng;
 use sspc_image::Image;
 use std::path::{Path, PathBuf};
@@ -21,13 +21,15 @@ pub struct MadeFrame {
     pub is_other_scene: bool,
     /// Factor on the motion pass.
     pub motion: f32,
+    /// The frame whose world positions are in a pass `P`, if there is one, and the one whose camera is in the attributes.
+    pub seen: Option<(i32, Option<i32>)>,
 }
 
 impl MadeFrame {
     /// A frame as all others are.
     pub fn new(number: i32) -> Self {
         let seed = 2 * number.unsigned_abs() as u64;
-        Self { number, seeds: [seed, seed + 1], size: (96, 128), is_other_scene: false, motion: 1.0 }
+        Self { number, seeds: [seed, seed + 1], size: (96, 128), is_other_scene: false, motion: 1.0, seen: None }
     }
 
     /// What is seen, without noise, `[3, H, W]`.
@@ -46,7 +48,25 @@ impl MadeFrame {
         })
     }
 
-    /// Writes `a.NNNN.exr` and `b.NNNN.exr`: noisy colour, `denoised`, `albedo`, and `Vector` with four components.
+    /// World positions `[3, H, W]` of a frame: those of the texture, on the plane z = 0.
+    fn positions(&self, number: i32) -> Image {
+        let moved = [MOVED.0, MOVED.1].map(|by| by * number as f32);
+        let (height, width) = self.size;
+        Image::from_fn(3, height, width, |c, y, x| [x as f32 - moved[0], y as f32 - moved[1], 0.0][c])
+    }
+
+    /// The camera of a frame, which sees everything along z: (X, Y, Z, 1) times it is in 0..1.
+    fn camera(&self, number: i32) -> [f32; 16] {
+        let (height, width) = (self.size.0 as f32, self.size.1 as f32);
+        let [right, down] = [MOVED.0, MOVED.1].map(|by| by * number as f32 + 0.5);
+        let mut matrix = [0.0; 16];
+        (matrix[0], matrix[5], matrix[15]) = (1.0 / width, 1.0 / height, 1.0);
+        (matrix[12], matrix[13]) = (right / width, down / height);
+        matrix
+    }
+
+    /// Writes `a.NNNN.exr` and `b.NNNN.exr`: noisy colour, `denoised`, `albedo`, `Vector` with four components,
+    /// and `P` where it is asked for.
     ///
     /// # Panics
     /// When the folder cannot be written to.
@@ -69,8 +89,15 @@ impl MadeFrame {
             };
             let (radiance, denoised) = (with_noise(0.2), with_noise(0.03));
             let path = folder.join(format!("{half}.{:04}.exr", self.number));
-            let layers = [("", "RGB", &radiance), ("denoised", "RGB", &denoised), ("albedo", "RGB", &truth)];
-            write_layers(&path, &[&layers[..], &[("Vector", "XYZW", &vector)]].concat());
+            let mut layers = vec![
+                ("", "RGB", &radiance, false),
+                ("denoised", "RGB", &denoised, false),
+                ("albedo", "RGB", &truth, false),
+                ("Vector", "XYZW", &vector, false),
+            ];
+            let positions = self.seen.map(|(number, _)| self.positions(number));
+            layers.extend(positions.as_ref().map(|positions| ("P", "XYZ", positions, false)));
+            write_seen(&path, &layers, self.seen.and_then(|seen| seen.1).map(|number| self.camera(number)));
             path
         })
     }

@@ -6,6 +6,7 @@ use super::side::{Decoded, Side, Sides};
 use crate::failure::Failure;
 use sspc_frames::error::Error;
 use sspc_image::{DenoisedVariant, Image};
+use sspc_shots::camera::moved;
 use sspc_shots::convention::{Alignment, Convention, holds, says_nothing};
 use sspc_shots::field::{Field, composed, of_full};
 use sspc_shots::flow::estimated;
@@ -232,8 +233,28 @@ fn step(from: &Side, to: &Side, reading: Option<Convention>) -> (Field, String) 
         .filter(|(motion, reading)| !says_nothing(motion) && holds(reading, motion, &alignment(from, to)));
     match pass {
         Some((motion, reading)) => (reading.field(motion), reading.to_string()),
-        None => (estimated(&from.matchable(), &to.matchable()), "estimated".to_string()),
+        None => {
+            let estimate = estimated(&from.matchable(), &to.matchable());
+            match by_position(from, to, &estimate) {
+                Some(Ok(field)) => (field, "position".to_string()),
+                Some(Err(why)) => (estimate, format!("estimated (position: {why})")),
+                None => (estimate, "estimated".to_string()),
+            }
+        }
     }
+}
+
+/// Motion by world positions and cameras, as estimated where positions are not known; why not, where positions are there.
+fn by_position(from: &Side, to: &Side, estimate: &Field) -> Option<Result<Field, String>> {
+    let field = match (from.seen.as_deref()?, to.seen.as_deref()) {
+        (Ok(own), Some(Ok(other))) => moved(&own.position, &own.camera, &other.camera, estimate),
+        (Err(why), _) => return Some(Err(why.to_string())),
+        (_, Some(Err(why))) => return Some(Err(format!("in the neighbour {why}"))),
+        (_, None) => return Some(Err("the neighbour has none".to_string())),
+    };
+    // Positions know nothing of what moves itself.
+    let is_as_good = alignment(from, to).is_as_good(&field, estimate);
+    Some(is_as_good.then_some(field).ok_or_else(|| "it lays features over each other less well".to_string()))
 }
 
 /// What two frames' motion is judged by.

@@ -7,7 +7,8 @@ use serde::Serialize;
 pub struct NeighbourReport {
     /// Its number.
     pub frame: i32,
-    /// Where its motion comes from: a reading of the motion pass, or `estimated`.
+    /// Where its motion comes from: a reading of the motion pass, `position`, or `estimated`, with why positions that are
+    /// there are not used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<String>,
     /// Mean validity over the frame's pixels and halves, 0..1.

@@ -4,8 +4,10 @@ use crate::denoising::DenoiserReport;
 use rayon::join;
 use sspc_core::prepare::baseline;
 use sspc_frames::OpenFrame;
+use sspc_frames::align::Placing;
 use sspc_frames::error::Error;
 use sspc_image::{Buffer, Frame, HalfBuffer, Image, Role};
+use sspc_shots::camera::{Camera, Screen, Unusable};
 use sspc_shots::flow::Matchable;
 use sspc_shots::validity::Guides;
 use std::borrow::Cow;
@@ -14,12 +16,46 @@ use std::sync::{Arc, OnceLock};
 
 const HALVES: [Buffer; 2] = [Buffer::A, Buffer::B];
 
+/// Where in the world the pixels of a half lie, and the camera that sees them.
+#[derive(Clone)]
+pub struct Seen {
+    /// World positions `[3, H, W]`.
+    pub position: Image,
+    /// The frame's camera.
+    pub camera: Camera,
+}
+
+impl Seen {
+    /// Reads a half's; `None` where the files hold no positions.
+    fn read(open: &OpenFrame, half: Buffer) -> Result<Option<Result<Self, Unusable>>, Error> {
+        if !open.has_position() {
+            return Ok(None);
+        }
+        let cameras = open.cameras(half);
+        if cameras.is_empty() {
+            return Ok(Some(Err(Unusable::NoMatrix)));
+        }
+        let Some(position) = open.role_rows(Role::Position, half, 0..open.height())? else { return Ok(None) };
+        let Placing { window, display } = open.placing();
+        let from = |first: i32, own: i32| f64::from(first) - f64::from(own);
+        let screen = Screen {
+            left: from(display.left, window.left),
+            top: from(display.top, window.top),
+            width: display.width as f64,
+            height: display.height as f64,
+        };
+        Ok(Some(Camera::of(&position, &cameras, &screen).map(|camera| Self { position, camera })))
+    }
+}
+
 /// A frame that was decoded whole.
 pub struct Decoded {
     /// As read.
     pub frame: Frame,
     /// Motion of half a and of half b.
     pub motion: Option<[Image; 2]>,
+    /// World positions of half a and of half b.
+    seen: [Option<Result<Seen, Unusable>>; 2],
     /// Which denoised pictures were made, where the files do not hold them.
     pub denoiser: Option<DenoiserReport>,
     matchable: [OnceLock<Arc<Matchable>>; 2],
@@ -33,9 +69,10 @@ impl Decoded {
     pub fn read(open: &OpenFrame, denoiser: Option<DenoiserReport>) -> Result<Self, Error> {
         let all = 0..open.height();
         let motion = || HALVES.map(|half| open.role_rows(Role::Motion, half, all.clone()));
-        let (frame, [a, b]) = join(|| open.rows(all.clone()), motion);
+        let seen = || HALVES.map(|half| Seen::read(open, half));
+        let (frame, ([a, b], [seen_a, seen_b])) = join(|| open.rows(all.clone()), || (motion(), seen()));
         let motion = a?.zip(b?).map(|(a, b)| [a, b]);
-        Ok(Self { frame: frame?, motion, denoiser, matchable: Default::default() })
+        Ok(Self { frame: frame?, motion, seen: [seen_a?, seen_b?], denoiser, matchable: Default::default() })
     }
 
     /// One half.
@@ -60,6 +97,8 @@ pub struct Side<'a> {
     normal: Option<Cow<'a, Image>>,
     /// The motion pass, two to four components.
     pub motion: Option<Cow<'a, Image>>,
+    /// World positions and their camera, or why they are of no use.
+    pub seen: Option<Cow<'a, Result<Seen, Unusable>>>,
     matchable: Option<&'a OnceLock<Arc<Matchable>>>,
 }
 
@@ -101,6 +140,7 @@ impl Sides {
                     albedo: own.albedo.as_ref().map(Cow::Borrowed),
                     normal: own.normal.as_ref().map(Cow::Borrowed),
                     motion: decoded.motion.as_ref().map(|motion| Cow::Borrowed(&motion[half])),
+                    seen: decoded.seen[half].as_ref().map(Cow::Borrowed),
                     matchable: Some(&decoded.matchable[half]),
                 })
             }
@@ -113,6 +153,7 @@ impl Sides {
                     albedo: role(Role::Albedo)?,
                     normal: role(Role::Normal)?,
                     motion: role(Role::Motion)?,
+                    seen: Seen::read(open, buffer)?.map(Cow::Owned),
                     matchable: None,
                 })
             }
