@@ -141,6 +141,7 @@ pub fn write_png(path: &Path, inputs: &[PathBuf], picture: &Rgb8) -> Result<(), 
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        encoder.set_compression(png::Compression::Fast);
         let mut writer = encoder.write_header().map_err(io::Error::other)?;
         writer.write_image_data(&picture.data).map_err(io::Error::other)?;
         writer.finish().map_err(io::Error::other)
