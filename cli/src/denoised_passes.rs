@@ -38,9 +38,11 @@ impl Denoising<'_> {
         let together = passes.sets.iter().find(has_colour).or(passes.sets.first()).map(|set| set.passes.clone());
         let mut sums = together.is_some().then(|| BUFFERS.map(|_| Image::zeros(3, open.height(), open.width())));
         let mut full = Vec::new();
+        let held = Held::read(open, passes)?;
         for k in 0..passes.passes.len() {
             let is_part = together.as_ref().is_some_and(|set| set.contains(&k));
-            let pictures = self.pass(open, passes, k, if is_part { &BUFFERS } else { &[Buffer::Full] })?;
+            let buffers: &[Buffer] = if is_part { &BUFFERS } else { &[Buffer::Full] };
+            let pictures = self.pass(open, passes, held.as_ref(), k, buffers)?;
             if let Some(sums) = sums.as_mut().filter(|_| is_part) {
                 let pictures = (0..BUFFERS.len()).map(|at| pictures.as_ref().map(|pictures| &pictures[at]));
                 add_pass(sums, passes, k, open.weights(), &pictures.collect::<Vec<_>>())?;
@@ -59,6 +61,7 @@ impl Denoising<'_> {
         &self,
         open: &OpenFrame,
         passes: &OpenPasses,
+        held: Option<&Held>,
         k: usize,
         buffers: &[Buffer],
     ) -> Result<Option<Vec<CompactImage>>, Failure> {
@@ -66,7 +69,7 @@ impl Denoising<'_> {
         let at_once = if bytes <= TOGETHER_BYTES { buffers.len() } else { 1 };
         let mut denoised = Vec::new();
         for buffers in buffers.chunks(at_once) {
-            let Some(pictures) = read_pass(open, passes, k, buffers)? else { return Ok(None) };
+            let Some(pictures) = read_pass(open, passes, held, k, buffers)? else { return Ok(None) };
             for picture in pictures {
                 interrupt::check()?;
                 denoised.extend(self.plain(open, picture)?);
@@ -76,10 +79,32 @@ impl Denoising<'_> {
     }
 }
 
+/// All passes of a frame and what guides their denoiser, where memory holds them: files keep all layers of some rows together,
+/// so that whoever reads one pass decompresses all.
+struct Held {
+    passes: Vec<[Image; 2]>,
+    guides: [NoisyHalf; 2],
+    of_both: NoisyHalf,
+}
+
+impl Held {
+    fn read(open: &OpenFrame, passes: &OpenPasses) -> Result<Option<Self>, Failure> {
+        let planes = 2 * 3 * (passes.passes.len() + passes.colours.len()) + 3 * BYTES_PER_PIXEL / size_of::<f32>();
+        if planes * size_of::<f32>() * open.height() * open.width() > TOGETHER_BYTES {
+            return Ok(None);
+        }
+        let all = 0..open.height();
+        let guides = open.noisy_rows(all.clone())?;
+        let of_both = mean(&guides[0], &guides[1], open.weights());
+        Ok(Some(Self { passes: passes.rows(all)?.passes, guides, of_both }))
+    }
+}
+
 /// Reads what the denoiser is given of a pass; `None` where there is no noise or light is subtracted.
 fn read_pass(
     open: &OpenFrame,
     passes: &OpenPasses,
+    held: Option<&Held>,
     k: usize,
     buffers: &[Buffer],
 ) -> Result<Option<Vec<Picture>>, Failure> {
@@ -88,23 +113,31 @@ fn read_pass(
     let black = |_: &Buffer| Picture::new(height, width, has(Role::Albedo), has(Role::Normal));
     let mut pictures: Vec<Picture> = buffers.iter().map(black).collect();
     let (mut sum, mut size, mut is_still) = (0.0, 0.0, true);
-    for top in (0..height).step_by(ROWS) {
+    let step = if held.is_some() { height } else { ROWS };
+    for top in (0..height).step_by(step) {
         interrupt::check()?;
-        let rows = top..(top + ROWS).min(height);
-        let halves = passes.rows_of(k, rows.clone())?;
+        let rows = top..(top + step).min(height);
+        let read;
+        let (halves, guides, of_both) = match held {
+            Some(Held { passes, guides, of_both }) => (&passes[k], guides, of_both),
+            None => {
+                let guides = open.noisy_rows(rows.clone())?;
+                let of_both = mean(&guides[0], &guides[1], open.weights());
+                read = (passes.rows_of(k, rows)?, guides, of_both);
+                (&read.0, &read.1, &read.2)
+            }
+        };
         is_still &= halves[0].data().iter().zip(halves[1].data()).all(|(a, b)| a.to_bits() == b.to_bits());
         let both = mean_of_finite(&halves[0], &halves[1], open.weights());
         for value in both.data().iter().filter(|value| value.is_finite()) {
             sum += f64::from(*value);
             size += f64::from(value.abs());
         }
-        let guides = open.noisy_rows(rows)?;
-        let of_both = mean(&guides[0], &guides[1], open.weights());
         for (picture, buffer) in pictures.iter_mut().zip(buffers) {
             let (colour, guides) = match buffer {
                 Buffer::A => (&halves[0], &guides[0]),
                 Buffer::B => (&halves[1], &guides[1]),
-                Buffer::Full => (&both, &of_both),
+                Buffer::Full => (&both, of_both),
             };
             let NoisyHalf { albedo, normal, .. } = guides;
             picture.put_rows(top, &Rows { colour, albedo: albedo.as_ref(), normal: normal.as_ref() });
