@@ -46,6 +46,10 @@ pub struct EvaluateArguments {
     #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = rate, requires = "frames")]
     pub fps: f32,
 
+    /// Leave JOD out, which takes most of the time and memory of large pictures
+    #[arg(long, requires = "frames", conflicts_with = "fps")]
+    pub no_jod: bool,
+
     /// Draw every frame's error and flicker relative to the denoiser's, and JOD, as SVG
     #[arg(long, value_name = "SVG", requires = "frames", requires = "denoised")]
     pub plot: Option<PathBuf>,

@@ -25,7 +25,7 @@ pub struct ShotEvaluation {
     pub rel_l2: f64,
     /// Mean temporal error over the steps; `null` in JSON where no frame follows another.
     pub temporal: f64,
-    /// Quality of the video in JOD, 10 at most; `null` in JSON where no frame follows another.
+    /// Quality of the video in JOD, 10 at most; `null` in JSON where no frame follows another, and without JOD.
     pub jod: f64,
     /// The denoiser's pictures beside them, where they were given.
     pub denoised: Option<ShotDenoised>,
@@ -167,7 +167,9 @@ impl<'a> Shot<'a> {
             let cut = before.as_ref().and_then(|(last, before)| cut(*last, before, number, &read));
             let last = before.as_ref().filter(|_| cut.is_none());
             let temporal = last.map(|(_, before)| Flicker::of(read.measured(), before.measured()));
-            videos.push(&read, last.is_some())?;
+            if !self.arguments.no_jod {
+                videos.push(&read, last.is_some())?;
+            }
             left_out.extend(cut.map(|why| LeftOut { frame: number, figure: "temporal", why }));
             frames.push(FrameEvaluation { frame: number, evaluation, temporal, jod: None });
             before = Some((number, read));

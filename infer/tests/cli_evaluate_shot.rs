@@ -140,6 +140,18 @@ fn pictures_too_small_to_be_seen_are_said() {
 }
 
 #[test]
+fn without_jod_the_rest_is_the_same() {
+    let folder = shot();
+    let (with, without) = (
+        measured(folder.path(), "x.#.exr", &["--frames", "1-6"]),
+        measured(folder.path(), "x.#.exr", &["--frames", "1-6", "--no-jod"]),
+    );
+    assert!(with["jod"].is_number() && without["jod"].is_null(), "{} {}", with["jod"], without["jod"]);
+    assert_eq!((&with["rel_l2"], &with["temporal"]), (&without["rel_l2"], &without["temporal"]));
+    assert_eq!(without["left_out"].as_array().map(Vec::len), Some(0), "what nobody asked for is not left out");
+}
+
+#[test]
 fn a_plot_has_a_point_for_every_frame() {
     let shot = shot();
     let folder = shot.path();
