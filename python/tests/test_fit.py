@@ -62,7 +62,7 @@ def test_the_fallback_is_the_denoiser_s_picture(model):
     [
         ({"preset": "slow"}, "preset 'slow': expected paper, fast, balanced, quality"),
         ({"settings": {"window": 4}}, "--set window=4: expected side of the window of g_c in pixels, odd, 3 to 25"),
-        ({"settings": {"colour": 1}}, "--set colour: no such setting; there are window, hidden"),
+        ({"settings": {"colour": 1}}, "--set colour: no such setting; there are window, early-window"),
         ({"time_limit": 0.0}, "time_limit 0: expected a positive number of seconds"),
         ({"time_limit": float("nan")}, "time_limit NaN: expected"),
     ],
