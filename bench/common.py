@@ -58,6 +58,12 @@ def about(prog, arguments, options, measured):
     }
 
 
+def heading(head):
+    """One line of what `about` says, over a table that is printed."""
+    commit, changed = head["commit"], ", changed" if head["commit"]["dirty"] else ""
+    return f"Commit {commit['hash']}{changed}, {head['date']}, {head['machine']['processor']}"
+
+
 def shown(prog, arguments):
     """The command without the options that name folders of this machine only."""
     words, skip = [], False

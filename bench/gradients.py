@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .common import REPOSITORY, about, environment, folder, numbers, parser, program
+from .common import REPOSITORY, about, environment, folder, heading, numbers, parser, program
 
 sys.path.insert(0, str(REPOSITORY / "reference-py"))
 
@@ -53,7 +53,7 @@ def main(arguments=None):
         return noise_by_region(options)
     train = program(options, "sspc-train")
     head = about("bench/gradients", arguments, options, [train])
-    print(f"Commit {head['commit']}, {head['date']}, {head['machine']['processor']}\n")
+    print(heading(head), end="\n\n")
     columns = {name: COLUMNS[name] for name in options.column or COLUMNS}
     print("| frame | OIDN's relL2 | noise of differences | " + " | ".join(columns) + " |")
     print("|---|---|---|" + "---|" * len(columns))

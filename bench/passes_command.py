@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .common import about, environment, folder, parser, program
+from .common import about, environment, folder, heading, parser, program
 
 DESCRIPTION = """\
 Fits frames of `python -m scenes.passes OUT`, corrects their passes and measures each as it is in the file: relL2
@@ -28,7 +28,7 @@ def main(arguments=None):
     options = made.parse_args(arguments)
     train = program(options, "sspc-train")
     head = about("bench/passes", arguments, options, [train])
-    print(f"Commit {head['commit']}, {head['date']}, {head['machine']['processor']}\n")
+    print(heading(head), end="\n\n")
     print("| frame | way | beauty | sets of passes: geometric mean, worst | OIDN's own sum | ours | seconds |")
     print("|---|---|---|---|---|---|---|")
     ratios = {}
