@@ -13,12 +13,11 @@
 //! inverse variance of the y compared with cost up to 3 % of the error, since the half of fewer samples has corrections unlike
 //! those of the full buffer; by the samples of the half corrected it was within 2 % of this, either way.
 
-use crate::box_mean::box_mean;
 use crate::held_out::blind;
 use crate::prepare::Prepared;
 use crate::residuals::{Residual, Residuals, dot, limited};
 use rayon::prelude::*;
-use sspc_image::Image;
+use sspc_image::{Image, box_mean};
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub const WEIGHT_RADIUS: usize = 15;

@@ -34,7 +34,6 @@ pub mod alignment;
 pub mod bands;
 pub mod blend_weight;
 mod block_sample;
-pub mod box_mean;
 pub mod compose;
 mod composite;
 pub mod composition;

@@ -7,11 +7,10 @@
 //! than twice what they differ by close to it. Where one half itself is far brighter than the other and nothing around
 //! the pixel differs so, the brighter one is the firefly, and the range is from the darker to a little above it.
 
-use crate::box_mean::box_mean;
 use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use rayon::prelude::*;
-use sspc_image::Image;
+use sspc_image::{Image, box_mean};
 use sspc_kernels::features::DENOISED;
 
 /// Radius of the box in which squared distances are averaged, pixels: what a pixel's limit depends on.

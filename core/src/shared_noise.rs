@@ -203,10 +203,9 @@ fn lowest_of<T: Copy>(things: &[T], share: f64, value: impl Fn(&T) -> f64) -> Ve
 
 #[cfg(test)]
 mod tests {
-    use crate::box_mean::box_mean;
     use crate::independence::tests::{frame, measured};
     use crate::rng::Rng;
-    use sspc_image::{Frame, Image};
+    use sspc_image::{Frame, Image, box_mean};
 
     /// Five standard errors of 192 blocks.
     const NEAR: f64 = 0.06;

@@ -1,6 +1,7 @@
 //! Planar images, and what a frame consists of: the types that files and method share.
 #![forbid(unsafe_code)]
 
+mod box_mean;
 mod compact;
 mod display;
 mod epsilon;
@@ -12,6 +13,7 @@ mod shown;
 mod storage;
 mod weights;
 
+pub use box_mean::box_mean;
 pub use compact::CompactImage;
 pub use display::display;
 pub use epsilon::REL_L2_EPSILON;

@@ -1,4 +1,4 @@
-"""The temporal mean m of a shot's frame: neighbours warped along their motion, weighted by feature validity.
+"""The temporal mean m of a shot's frame: neighbours warped along their motion, weighted by features and light.
 
 Images are [1, C, H, W]; a field [1, 2, H, W] says how many pixels to the right and down a pixel lies in the neighbour.
 """
@@ -8,6 +8,10 @@ import torch
 STRENGTH = 0.3
 ALBEDO_WEIGHT = 8
 NORMAL_WEIGHT = 2
+FLICKER_RADIUS = 4
+FLICKER = 4
+OTHER = 0.5
+FADE = 0.3
 
 
 def bilinear_weights(f):
@@ -55,6 +59,27 @@ def validity(features, neighbour, field):
             distance = distance + weight * ((features[role] - warped) ** 2).sum(1, keepdim=True)
     _, _, inside = places(field)
     return inside * torch.exp(-STRENGTH * torch.as_tensor(distance, dtype=field.dtype))
+
+
+def box_mean(image, radius):
+    """Means of (2 radius + 1)² pixels, those outside of the picture left out."""
+    side = 2 * radius + 1
+    return torch.nn.functional.avg_pool2d(image, side, 1, radius, count_include_pad=False)
+
+
+def brightness(denoised):
+    """ℓ [1, 1, H, W] of a half's denoised picture."""
+    return box_mean(denoised.mean(1, keepdim=True), 1)
+
+
+def same_light(denoised, neighbour, flicker_of, field):
+    """What of v stays [1, 1, H, W]: `denoised` and `neighbour` are one half's, `flicker_of` the neighbour's both halves."""
+    a, b = (brightness(half) for half in flicker_of)
+    own, (other, _) = brightness(denoised), warp(brightness(neighbour), field, bilinear_weights)
+    flicker, _ = warp(box_mean((a - b) ** 2, FLICKER_RADIUS), field, bilinear_weights)
+    apart = ((own - other) ** 2 - FLICKER * flicker).clamp(min=0).sqrt()
+    brighter = torch.maximum(own, other)
+    return torch.where(apart > 0, ((OTHER - apart / brighter) / FADE).clamp(0, 1), 1.0)
 
 
 def temporal_mean(denoised, neighbours):

@@ -41,3 +41,15 @@ def test_other_features_and_places_outside_count_less():
     valid = shot.validity(features, other, still)
     assert torch.allclose(valid, torch.exp(torch.tensor(-0.3 * 8 * 0.75, dtype=torch.float64)))
     assert shot.validity(features, other, constant_field(4.0, 0.0, 4, 4)).sum() == 0
+
+
+def test_light_that_changes_counts_less_and_flicker_does_not():
+    still, one = constant_field(0.0, 0.0, 8, 8), torch.ones(1, 3, 8, 8, dtype=torch.float64)
+
+    def left(a, b):
+        return shot.same_light(one, a * one, (a * one, b * one), still)[0, 0, 4, 4].item()
+
+    assert left(1.15, 1.15) == 1
+    assert left(2.5, 2.5) == 0
+    assert abs(left(0.65, 0.65) - 0.5) < 1e-9
+    assert left(0.5, 0.75) == 1

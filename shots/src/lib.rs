@@ -9,6 +9,7 @@
 //! | [`field`] | displacements: where a pixel lies in another frame |
 //! | [`warp`] | pictures sampled along a field: Catmull-Rom for z, bilinear for features |
 //! | [`validity`] | how far a pixel of the neighbour shows the same thing, by features |
+//! | [`light`] | whether it lies in the same light |
 //! | [`mean`] | m_t = (z_t + Σ v W z_f) / (1 + Σ v) |
 //! | [`relation`] | neighbours that are left out: another shot, the same picture again, noise shared with the other half |
 #![forbid(unsafe_code)]
@@ -17,6 +18,7 @@ pub mod camera;
 pub mod convention;
 pub mod field;
 pub mod flow;
+pub mod light;
 pub mod mean;
 pub mod relation;
 pub mod validity;

@@ -4,9 +4,8 @@
 //! v_c = inside · exp( -0.3 (8 ‖ρ_c - Wρ‖² + 2 ‖n_c - Wn‖²) )
 //! ```
 //!
-//! Weak on purpose, and never by z: the mean's noise is lower wherever something is averaged, and the correction takes its
-//! bias away. A guard by z would take the denoiser's flicker for change (measured: .76 instead of .67 of the denoiser's
-//! error).
+//! Weak on purpose: the mean's noise is lower wherever something is averaged, and the correction takes its bias away. What z
+//! says, beyond its flicker, is in [`light`](crate::light).
 
 use crate::field::Field;
 use crate::warp::{Taps, bilinear, for_rows};

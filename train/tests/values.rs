@@ -1,10 +1,9 @@
 //! Pixel values that people complain about, each in a frame whose denoiser takes texture away that the halves share: what
 //! can be corrected is corrected, and nothing is worse than the denoiser's.
 
-use sspc_core::box_mean::box_mean;
 use sspc_core::rng::Rng;
 use sspc_frames::read_picture;
-use sspc_image::Image;
+use sspc_image::{Image, box_mean};
 use sspc_testkit::exr_parts::write_layers;
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -10,12 +10,14 @@ use sspc_shots::camera::moved;
 use sspc_shots::convention::{Alignment, Convention, holds, says_nothing};
 use sspc_shots::field::{Field, composed, of_full};
 use sspc_shots::flow::estimated;
+use sspc_shots::light::Light;
 use sspc_shots::mean::TemporalMean;
 use sspc_shots::relation::{
     LEAST_LIKENESS, LEAST_VALIDITY, MOST_SHARED_NOISE, Noisy, are_same, likeness, shared_noise,
 };
 use sspc_shots::validity::{Guides, validity};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Rows in the middle of the picture over which noise is correlated.
 const ROWS_LOOKED_AT: usize = 256;
@@ -103,6 +105,8 @@ struct Added {
 struct Work<'a> {
     centre: &'a Sides,
     settings: &'a ShotSettings,
+    /// The frame's light, once there is a neighbour to compare it with.
+    light: Option<Arc<Light>>,
     /// Of half a, of half b and of the full buffer; `None` as long as nothing was added.
     sums: Option<[TemporalMean; 3]>,
     /// Fields of each half to the farthest neighbours so far, before and after the frame, where there are farther ones.
@@ -111,7 +115,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     fn new(centre: &'a Sides, settings: &'a ShotSettings) -> Self {
-        Self { centre, settings, sums: None, ways: [None, None] }
+        Self { centre, settings, light: None, sums: None, ways: [None, None] }
     }
 
     fn add(&mut self, neighbour: &Sides, before: Option<&Sides>, offset: i32) -> Result<Added, Error> {
@@ -127,6 +131,11 @@ impl<'a> Work<'a> {
         if neighbour.count() != centre.count() {
             return leave("it has another number of denoised pictures".into(), true);
         }
+        let light = match &self.light {
+            Some(light) => light.clone(),
+            None => self.light.insert(centre.light()?).clone(),
+        };
+        let other_light = neighbour.light()?;
         let direction = usize::from(offset > 0);
         let (mut motion, mut ways, mut like, mut are_all_same) = (None, Vec::with_capacity(2), f64::INFINITY, true);
         for h in 0..2 {
@@ -153,7 +162,9 @@ impl<'a> Work<'a> {
                 _ => step,
             };
             like = like.min(likeness(&own.denoised, &other.denoised, &field));
-            ways.push(Way { valid: validity(&own.guides(), &other.guides(), &field), field });
+            let mut valid = validity(&own.guides(), &other.guides(), &field);
+            light.keep_same(&other_light, h, &field, &mut valid);
+            ways.push(Way { valid, field });
         }
         let [a, b] = [&ways[0], &ways[1]];
         let share = 0.5 * (mean(&a.valid) + mean(&b.valid));

@@ -9,6 +9,7 @@ use sspc_frames::error::Error;
 use sspc_image::{Buffer, Frame, HalfBuffer, Image, Role};
 use sspc_shots::camera::{Camera, Screen, Unusable};
 use sspc_shots::flow::Matchable;
+use sspc_shots::light::{Light, brightness};
 use sspc_shots::validity::Guides;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -59,6 +60,7 @@ pub struct Decoded {
     /// Which denoised pictures were made, where the files do not hold them.
     pub denoiser: Option<DenoiserReport>,
     matchable: [OnceLock<Arc<Matchable>>; 2],
+    light: OnceLock<Arc<Light>>,
 }
 
 impl Decoded {
@@ -72,7 +74,14 @@ impl Decoded {
         let seen = || HALVES.map(|half| Seen::read(open, half));
         let (frame, ([a, b], [seen_a, seen_b])) = join(|| open.rows(all.clone()), || (motion(), seen()));
         let motion = a?.zip(b?).map(|(a, b)| [a, b]);
-        Ok(Self { frame: frame?, motion, seen: [seen_a?, seen_b?], denoiser, matchable: Default::default() })
+        Ok(Self {
+            frame: frame?,
+            motion,
+            seen: [seen_a?, seen_b?],
+            denoiser,
+            matchable: Default::default(),
+            light: OnceLock::new(),
+        })
     }
 
     /// One half.
@@ -156,6 +165,24 @@ impl Sides {
                     seen: Seen::read(open, buffer)?.map(Cow::Owned),
                     matchable: None,
                 })
+            }
+        }
+    }
+
+    /// The light of both halves.
+    ///
+    /// # Errors
+    /// What reading can raise.
+    pub fn light(&self) -> Result<Arc<Light>, Error> {
+        match self {
+            Sides::Decoded(decoded) => {
+                let halves = || [0, 1].map(|half| brightness(&decoded.half(half).denoised));
+                Ok(decoded.light.get_or_init(|| Arc::new(Light::of(halves()))).clone())
+            }
+            Sides::Files(open) => {
+                // The first is z itself.
+                let of = |half| Ok::<_, Error>(brightness(&open.denoised_rows(half, 0..open.height())?[0]));
+                Ok(Arc::new(Light::of([of(HALVES[0])?, of(HALVES[1])?])))
             }
         }
     }

@@ -6,10 +6,9 @@
 //! in the end: measured so, noise of the measure gave dim passes the differences of bright ones, and errors doubled.
 
 use super::filtered::Candidates;
-use crate::box_mean::box_mean;
 use crate::objective::RELATIVE_FLOOR;
 use crate::prepare::Prepared;
-use sspc_image::{HalfWeights, Image, Storage};
+use sspc_image::{HalfWeights, Image, Storage, box_mean};
 use std::ops::Range;
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.

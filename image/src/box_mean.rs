@@ -2,8 +2,8 @@
 //! Werman 1993): a bright value stays in the windows that hold it, which running sums that subtract
 //! what leaves the window do not guarantee.
 
+use crate::Image;
 use rayon::prelude::*;
-use sspc_image::Image;
 
 /// Rows that one thread takes at a time.
 const ROWS_PER_JOB: usize = 16;
