@@ -238,4 +238,35 @@ pub(crate) mod tests {
             assert!(close(found_size, size), "{y} {x}: {found_size} {size}");
         }
     }
+
+    /// Bands are read with so many rows around them ([`crate::compose::Composer::margin`]).
+    #[test]
+    fn what_differences_say_reaches_no_further_than_bands_do() {
+        let (height, width, changed) = (30, 5, 15);
+        let (mut prepared, halves) = with_differences(height, width);
+        // Colours alone decide over their own row.
+        let of_differences = |prepared: &Prepared| {
+            let all = Evidence::of(prepared, &halves);
+            let colours = Evidence::of(&Prepared { differences: None, ..prepared.clone() }, &halves);
+            [(all.agreement, colours.agreement), (all.size, colours.size)]
+                .map(|(all, colours)| Image::from_fn(1, height, width, |_, y, x| all.at(0, y, x) - colours.at(0, y, x)))
+        };
+        let before = of_differences(&prepared);
+        let given = prepared.differences.clone().expect("differences");
+        let (mut of_halves, mut known) = (given.halves.clone(), given.known.clone());
+        for x in 0..width {
+            (0..3).for_each(|c| Arc::make_mut(&mut prepared.halves[0]).set(RADIANCE + c, changed, x, 3.0));
+            (0..3).for_each(|c| Arc::make_mut(&mut prepared.halves[0]).set(DENOISED + c, changed, x, 2.0));
+            (0..6).for_each(|c| of_halves[0].set(c, changed, x, -1.0));
+            // A difference to the row below is not known where that is missing.
+            known.set(1, changed - 1, x, 0.0);
+        }
+        prepared.differences = Some(Arc::new(Differences::of_known(of_halves, known, &prepared, 0.7)));
+        let after = of_differences(&prepared);
+        let differs = |y: usize| before.iter().zip(&after).any(|(before, after)| before.row(0, y) != after.row(0, y));
+        let rows: Vec<usize> = (0..height).filter(|&y| differs(y)).collect();
+        let farthest = rows.iter().map(|y| y.abs_diff(changed)).max();
+        assert_eq!(farthest, Some(3), "{rows:?}");
+        assert!(farthest <= Some(crate::compose::DIFFERENCES_REACH), "rows of a band would be missing");
+    }
 }

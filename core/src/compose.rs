@@ -76,7 +76,7 @@ pub struct Composer<'a> {
 
 /// Rows that judging by differences adds to what a row depends on: the next one, and the neighbours (two rows, and the one
 /// beyond that a difference leads to) that the weight of a difference is measured of.
-const DIFFERENCES_REACH: usize = 4;
+pub(crate) const DIFFERENCES_REACH: usize = 4;
 
 impl Composer<'_> {
     /// Rows around a band that its finished pixels depend on beyond their parameters: g_c's window, the two box means of

@@ -50,4 +50,21 @@ mod tests {
             assert!(made.into_iter().all(|v| (v - expected).abs() < 1e-5), "{stands}: not {expected}");
         }
     }
+
+    /// Bands are read with so many rows around them ([`crate::compose::Composer::margin`]).
+    #[test]
+    fn a_row_has_a_say_over_two_box_means_and_no_further() {
+        let (height, width) = (3 * MIX_RADIUS, 3);
+        let prepared = without_noise(height, width);
+        let share = |first_row: f32| {
+            let stands = |y: usize| Z + (TRUTH - Z) * if y == 0 { first_row } else { 1.25 };
+            let other = || Image::from_fn(3, height, width, |_, y, _| stands(y));
+            let composite = Variant { halves: [other(), other()], denoised: other() };
+            let half_way = || Image::filled(3, height, width, Z + 0.5 * (TRUTH - Z));
+            mix(&prepared, &composite, &mut [half_way(), half_way()], &mut half_way())
+        };
+        let (one, other) = (share(1.25), share(1.5));
+        let changed: Vec<usize> = (0..height).filter(|&y| one.row(0, y) != other.row(0, y)).collect();
+        assert_eq!(changed, (0..=2 * MIX_RADIUS).collect::<Vec<_>>());
+    }
 }

@@ -48,7 +48,7 @@ fn bilinear(image: &dyn Fn(usize, usize) -> f64, (height, width): (usize, usize)
 fn what_stays_is_what_the_definition_leaves() {
     fastrand::seed(5);
     for size @ (height, width) in [(1, 1), (1, 7), (5, 1), (9, 13), (23, 31)] {
-        let mut z = || random(3, height, width, 0.0, 2.0);
+        let z = || random(3, height, width, 0.0, 2.0);
         let own = z();
         // Little flicker, so that something is left to be said.
         let like = |picture: &Image| {

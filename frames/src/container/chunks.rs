@@ -3,6 +3,8 @@
 use super::Container;
 use super::fault::Fault;
 use super::part::{Part, Shape};
+use super::zip;
+use exr::compression::Compression;
 use exr::math::Vec2;
 use exr::meta::attribute::IntegerBounds;
 use exr::meta::header::Header as CodecHeader;
@@ -234,6 +236,10 @@ pub fn decompress(header: &CodecHeader, place: Block, data: Vec<u8>) -> Result<V
 /// # Errors
 /// [`Fault`]: a method that the library does not write.
 pub fn compress(header: &CodecHeader, place: Block, pixels: Vec<u8>) -> Result<Vec<u8>, Fault> {
+    let is_zip = matches!(header.compression, Compression::ZIP1 | Compression::ZIP16);
+    if is_zip && cfg!(target_endian = "little") {
+        return Ok(zip::compressed(&pixels).unwrap_or(pixels));
+    }
     Ok(header.compression.compress_image_section_to_le(header, pixels, place.bounds())?)
 }
 

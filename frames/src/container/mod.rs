@@ -11,6 +11,7 @@ pub mod fault;
 mod limits;
 pub mod part;
 pub mod pixels;
+mod zip;
 
 use attributes::{MULTI_PART, Preamble};
 use chunks::ChunkReader;

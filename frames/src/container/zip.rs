@@ -1,0 +1,92 @@
+//! ZIP compression of a block, as the `exr` crate's, in half of its time: by zlib-rs at level 2, whose data is as small as that
+//! of the crate's level 4.
+
+use zlib_rs::{Deflate, DeflateFlush};
+
+/// Level of deflate. (Halves of two renders and floats of one: 0.98 to 1.03 of the crate's bytes at 2.0 to 2.5 times its
+/// speed; level 1 is twice as fast again, and 1.13 to 1.33 of the bytes.)
+const LEVEL: i32 = 2;
+/// Largest window of deflate, as a power of two.
+const WINDOW_BITS: u8 = 15;
+/// What deflate adds where nothing can be compressed: five bytes a stored block of no less than 8 KiB, and zlib's frame.
+const STORED_OVERHEAD: usize = 64;
+
+/// A block's pixels in little endian, compressed; `None` where that takes as much as the pixels do, which then are stored as they
+/// are.
+pub fn compressed(pixels: &[u8]) -> Option<Vec<u8>> {
+    let ordered = differences(pixels);
+    let mut data = vec![0; pixels.len() + pixels.len() / 1024 + STORED_OVERHEAD];
+    let mut deflate = Deflate::new(LEVEL, true, WINDOW_BITS);
+    deflate.compress(&ordered, &mut data, DeflateFlush::Finish).ok()?;
+    data.truncate(deflate.total_out() as usize);
+    (data.len() < pixels.len()).then_some(data)
+}
+
+/// First the bytes at even places, then those at odd ones, each as its difference to the one before plus 128.
+fn differences(pixels: &[u8]) -> Vec<u8> {
+    let (pairs, last) = pixels.as_chunks::<2>();
+    let mut ordered = Vec::with_capacity(pixels.len());
+    ordered.extend(pairs.iter().map(|pair| pair[0]).chain(last.iter().copied()));
+    ordered.extend(pairs.iter().map(|pair| pair[1]));
+    for i in (1..ordered.len()).rev() {
+        ordered[i] = ordered[i].wrapping_sub(ordered[i - 1]).wrapping_add(128);
+    }
+    ordered
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::compression::Compression;
+    use exr::math::Vec2;
+    use exr::meta::BlockDescription;
+    use exr::meta::attribute::{ChannelDescription, ChannelList, IntegerBounds, LineOrder, SampleType};
+    use exr::meta::header::Header;
+    use exr::prelude::Text;
+
+    /// Bytes that look like noise (Steele et al. 2014, SplitMix64).
+    fn random(seed: u64) -> impl Fn(usize) -> u8 {
+        move |i| {
+            let mut bits = (i as u64 + seed * 1_000_003).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            (bits >> 56) as u8
+        }
+    }
+
+    /// The library's own way back.
+    fn unpacked(data: Vec<u8>, kind: SampleType, (width, height): (usize, usize)) -> Vec<u8> {
+        let channel = ChannelDescription::new(Text::from("Y"), kind, true);
+        let channels = ChannelList::new([channel].into_iter().collect());
+        let size = Vec2(width, height);
+        let header = Header::new(Text::from("part"), size, Default::default());
+        let header = Header { channels, ..header };
+        let header = header.with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing);
+        let bounds = IntegerBounds { position: Vec2(0, 0), size };
+        header.compression.decompress_image_section_from_le(&header, data, bounds, true).expect("valid data")
+    }
+
+    #[test]
+    fn the_library_reads_what_was_compressed() {
+        for (kind, bytes) in [(SampleType::F16, 2), (SampleType::F32, 4)] {
+            for size @ (width, height) in [(1, 1), (3, 1), (64, 16), (131, 7)] {
+                for noise in [1u8, 3, 200] {
+                    let smooth = |i: usize| (i / 9) as u8;
+                    let random = random(noise as u64);
+                    let pixel = |i: usize| smooth(i).wrapping_add(random(i) % noise);
+                    let pixels: Vec<u8> = (0..width * height * bytes).map(pixel).collect();
+                    let data = compressed(&pixels).unwrap_or_else(|| pixels.clone());
+                    assert_eq!(unpacked(data, kind, size), pixels, "{width}x{height}, {bytes} bytes, noise {noise}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_shrink_is_left_alone_and_what_does_shrinks() {
+        let noise: Vec<u8> = (0..60_000).map(random(2)).collect();
+        assert_eq!(compressed(&noise), None);
+        assert_eq!(compressed(&[]), None);
+        assert!(compressed(&[7; 60_000]).is_some_and(|data| data.len() < 600));
+    }
+}
