@@ -9,7 +9,15 @@ from . import textures
 
 
 def build(name):
-    {"fur-and-cloth": fur_and_cloth, "motion": motion, "product": product, "stage": stage}[name]()
+    {
+        "fur-and-cloth": fur_and_cloth,
+        "motion": motion,
+        "product": product,
+        "stage": stage,
+        # Shots.
+        "lantern": lantern,
+        "shutter": shutter,
+    }[name]()
 
 
 def fur_and_cloth():
@@ -36,7 +44,17 @@ def fur_and_cloth():
     camera((0.3, -5.2, 2.0), (0, 0.2, 0.55), lens=45, focus=5.4, aperture=1.2)
 
 
-def motion():
+def move_in_the_frame(made, way, turn):
+    """Moves an object by `way` and turns it by `turn` radians about its place during the rendered frame."""
+    place, angle = made.location.copy(), made.rotation_euler.copy()
+    for frame, sign in ((0, -1), (2, 1)):
+        made.location = [p + sign * w for p, w in zip(place, way)]
+        made.rotation_euler = [a + sign * t for a, t in zip(angle, turn)]
+        made.keyframe_insert("location", frame=frame)
+        made.keyframe_insert("rotation_euler", frame=frame)
+
+
+def motion(move=move_in_the_frame):
     """Objects that move and turn while the shutter is open, over a floor that stands still."""
     plane((0, 0, 0), 8, principled("floor", textures.checker(1024, 16), repeat=2, roughness=0.35))
     wall = plane((0, 4, 2), 8, principled("bricks", textures.bricks(), repeat=2, roughness=0.8))
@@ -136,6 +154,50 @@ def stage():
     camera((0.2, -5.2, 1.9), (0.05, 0.2, 0.6), lens=42)
 
 
+def lantern():
+    """A lamp swings before columns, another flickers; fur, glass and metal roll and turn, the camera glides."""
+    plane((0, 0, 0), 8, principled("floor", textures.planks(2048, 14), repeat=2, roughness=0.4))
+    wall = plane((0, 3.6, 2), 8, principled("bricks", textures.bricks(), repeat=2, roughness=0.8))
+    wall.rotation_euler = (math.radians(90), 0, 0)
+    for index, x in enumerate((-2.4, -0.9, 0.8, 2.3)):
+        cube(
+            (x, 1.9, 1.2),
+            (0.14, 0.14, 1.2),
+            principled(f"column {index}", textures.speckle(512, 20 + index), roughness=0.7),
+        )
+    glass = principled("glass", (0.92, 0.97, 0.95), roughness=0.02)
+    glass.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
+    roll = ball((-0.2, -1.1, 0.38), 0.38, glass)
+    travel(roll, (0.06, 0, 0), (0, 0.16, 0))
+    copper = ball((1.35, -0.3, 0.45), 0.45, principled("copper", (0.92, 0.55, 0.38), roughness=0.2, metallic=1.0))
+    travel(copper, (-0.03, 0.02, 0), (0, 0, 0))
+    crate = cube(
+        (0.35, 0.5, 0.4), (0.4, 0.4, 0.4), principled("crate", textures.checker(512, 8), roughness=0.5), turn=20
+    )
+    travel(crate, (0, 0, 0), (0, 0, math.radians(4)))
+    hair_ball("fox", (-1.5, -0.2, 0.7), 0.5, (0.45, 0.2, 0.07), strands=8000, seed=5)
+    area_light((-1.2, -2.2, 2.6), (0, 0.4, 0.4), size=0.25, watts=150)
+    travel(bpy.context.scene.collection.objects[-1], (0.28, 0.02, 0), (0, 0, 0))
+    area_light((3.2, -1.5, 3.0), (0.6, 0.3, 0.4), size=0.8, watts=60)
+    flicker = bpy.context.scene.collection.objects[-1].data
+    for number, watts in enumerate((120, 200, 95, 180, 110, 210), start=1):
+        flicker.energy = watts
+        flicker.keyframe_insert("energy", frame=number)
+    sky((0.30, 0.38, 0.50), 0.12)
+    camera((0.1, -5.6, 1.9), (0.0, 0.2, 0.65), lens=40)
+    travel(bpy.context.scene.camera, (0.05, 0.04, 0.01), (0, 0, 0))
+
+
+def shutter():
+    """`motion` as a shot: blurred by the open shutter, with another camera after the third frame."""
+    motion(lambda made, way, turn: travel(made, [0.2 * w for w in way], [0.2 * t for t in turn]))
+    scene = bpy.context.scene
+    first = scene.camera
+    camera((-2.6, -4.2, 1.5), (0.2, 0.2, 0.7), lens=48)
+    for number, seen in ((1, first), (4, scene.camera)):
+        scene.timeline_markers.new(f"camera {number}", frame=number).camera = seen
+
+
 # Parts that scenes are made of.
 
 
@@ -227,12 +289,12 @@ def finished(material):
     return made
 
 
-def move(made, way, turn):
-    """Moves an object by `way` and turns it by `turn` radians about its place during the rendered frame."""
+def travel(made, way, turn, frames=8):
+    """Moves an object by `way` and turns it by `turn` radians, each frame anew and as far, from frame 1 on."""
     place, angle = made.location.copy(), made.rotation_euler.copy()
-    for frame, sign in ((0, -1), (2, 1)):
-        made.location = [p + sign * w for p, w in zip(place, way)]
-        made.rotation_euler = [a + sign * t for a, t in zip(angle, turn)]
+    for frame in range(frames + 1):
+        made.location = [p + (frame - 1) * w for p, w in zip(place, way)]
+        made.rotation_euler = [a + (frame - 1) * t for a, t in zip(angle, turn)]
         made.keyframe_insert("location", frame=frame)
         made.keyframe_insert("rotation_euler", frame=frame)
 

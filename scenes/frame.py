@@ -6,11 +6,15 @@ import numpy as np
 
 # Largest finite half float; radiance above it would be stored as infinity.
 HALF_MAX = 65504.0
+# Roles whose values are pixels or places, too large for half floats.
+SINGLE = ("position", "motion")
 CHANNELS = {
     "color": ("R", "G", "B"),
     "albedo": ("albedo.R", "albedo.G", "albedo.B"),
     "normal": ("normal.X", "normal.Y", "normal.Z"),
     "visibility": ("visibility.Y",),
+    "position": ("position.X", "position.Y", "position.Z"),
+    "motion": ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W"),
     "denoised": ("denoised.R", "denoised.G", "denoised.B"),
     "a": ("a.R", "a.G", "a.B"),
     "b": ("b.R", "b.G", "b.B"),
@@ -41,20 +45,24 @@ def has_frame(folder, spp):
     return all((folder / f"{spp}spp.{name}.exr").is_file() for name in ("a", "b", "denoised"))
 
 
-def write_reference(folder, a, b):
-    """Writes ref.exr: the mean of two independent references, and both of them, to remove the reference's noise."""
-    write(folder / "ref.exr", {"color": 0.5 * (a + b), "a": a, "b": b})
+def write_reference(folder, a, b, name="ref.exr"):
+    """Writes `name`: the mean of two independent references, and both of them, to remove the reference's noise."""
+    write(folder / name, {"color": 0.5 * (a + b), "a": a, "b": b})
 
 
-def write(path, roles):
-    """Writes planes of shape (height, width, channels) under the names of `CHANNELS`."""
+def write(path, roles, attributes=None):
+    """Writes planes of shape (height, width, channels) under the names of `CHANNELS`; `attributes` join the header."""
     import OpenEXR
 
     channels = {}
     for role, planes in roles.items():
         for index, name in enumerate(CHANNELS[role]):
-            channels[name] = np.ascontiguousarray(np.clip(planes[..., index], -HALF_MAX, HALF_MAX), dtype=np.float16)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+            plane = planes[..., index]
+            kept = (
+                plane.astype(np.float32) if role in SINGLE else np.clip(plane, -HALF_MAX, HALF_MAX).astype(np.float16)
+            )
+            channels[name] = np.ascontiguousarray(kept)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | (attributes or {})
     replace(path, lambda unfinished: OpenEXR.File(header, channels).write(str(unfinished)))
 
 

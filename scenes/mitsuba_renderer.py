@@ -44,11 +44,13 @@ class FirstHit(mi.SamplingIntegrator):
 class Renderer:
     """One scene, ready to be rendered again and again."""
 
+    integrator_class = FirstHit
+
     def __init__(self, name, size, depth, threads):
         if threads:
             dr.set_thread_count(threads)
         with tempfile.TemporaryDirectory() as folder:
-            objects, (origin, target, degrees) = mitsuba_scenes.build(name, Path(folder))
+            objects, (origin, target, degrees) = self.built(name, Path(folder))
             inside = {"medium": {"type": "ref", "id": "medium"}} if "medium" in objects else {}
             sensor = {
                 "type": "perspective",
@@ -68,10 +70,22 @@ class Renderer:
             }
             self.scene = mi.load_dict({"type": "scene", **objects, "sensor": sensor | inside})
         path = mi.load_dict({"type": "volpath" if inside else "path", "max_depth": depth})
-        self.integrator = FirstHit(mi.Properties(), path)
+        self.integrator = self.integrator_class(mi.Properties(), path)
+
+    def built(self, name, folder):
+        """Objects and camera; `folder` is for mesh files."""
+        return mitsuba_scenes.build(name, folder)
 
     def render(self, spp, seed):
         """Buffers of (height, width, channels) by role."""
-        picture = np.array(mi.render(self.scene, integrator=self.integrator, spp=spp, seed=seed), dtype=np.float64)
-        parts = {"color": slice(0, 3), "albedo": slice(3, 6), "normal": slice(6, 9), "visibility": slice(9, 10)}
-        return {role: picture[..., part] for role, part in parts.items()}
+        return roles(self.picture(spp, seed))
+
+    def picture(self, spp, seed):
+        """All channels, (height, width, channels)."""
+        return np.array(mi.render(self.scene, integrator=self.integrator, spp=spp, seed=seed), dtype=np.float64)
+
+
+def roles(picture):
+    """The parts of a picture that every scene has."""
+    parts = {"color": slice(0, 3), "albedo": slice(3, 6), "normal": slice(6, 9), "visibility": slice(9, 10)}
+    return {role: picture[..., part] for role, part in parts.items()}

@@ -19,6 +19,22 @@ def build(name, folder):
     }[name](folder)
 
 
+def frame_of_shot(name, number, folder):
+    """(objects by name, camera) of a frame of a shot, counted from 1."""
+    return {"glass-orbit": glass_orbit}[name](number, folder)
+
+
+def glass_orbit(number, folder):
+    """The camera goes around the glass table, and its lamp dims and comes back."""
+    scene, (origin, target, degrees) = glass_table(folder)
+    angle = np.radians(1.5 * (number - 3))
+    x, height, z = np.subtract(origin, target)
+    turned = (np.cos(angle) * x + np.sin(angle) * z, height, np.cos(angle) * z - np.sin(angle) * x)
+    brightness = (1.0, 1.0, 0.7, 0.45, 0.75, 1.0)[(number - 1) % 6]
+    scene["lamp"] |= light(*(brightness * np.array((75, 66, 52))))
+    return scene, (tuple(np.add(target, turned)), target, degrees)
+
+
 def door_crack(folder):
     wall, floor = paint(textures.bricks(), (3, 2)), paint(textures.planks(), (3, 3))
     paper, plain = paint(textures.wallpaper(), (2, 1.2)), colour(0.75, 0.72, 0.66)

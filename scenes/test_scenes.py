@@ -11,7 +11,7 @@ import numpy as np
 import OpenEXR
 
 from bench import frames
-from scenes import catalogue, command, frame, shapes, textures, worker
+from scenes import catalogue, command, frame, shapes, shots, textures, worker
 
 # Half floats keep 11 bits: values are rounded by half a unit in the last of them.
 HALF_ROUNDING = 2.0**-11
@@ -23,7 +23,9 @@ def buffers(seed, height=16, width=16):
     return {role: random.uniform(0, 1, (height, width, channels)) for role, channels in sizes.items()}
 
 
-class Writing(unittest.TestCase):
+class InAFolder(unittest.TestCase):
+    """What is written into a folder of the test's own."""
+
     def setUp(self):
         holder = tempfile.TemporaryDirectory()
         self.addCleanup(holder.cleanup)
@@ -37,6 +39,8 @@ class Writing(unittest.TestCase):
         file = OpenEXR.File(str(self.root / name), separate_channels=True)
         return {name: channel.pixels for name, channel in file.channels().items()}
 
+
+class Writing(InAFolder):
     def test_a_frame_comes_back_as_it_was_to_half_a_float(self):
         a, b = buffers(1, 17, 23), buffers(2, 17, 23)
         a["color"][3, 5, 0] = 1e9
@@ -72,6 +76,36 @@ class Writing(unittest.TestCase):
             frame.write(self.root / "x.exr", {"color": np.zeros((4, 4, 3))})
         self.assertEqual([path.name for path in self.root.iterdir()], ["x.exr"])
         self.assertEqual(self.read("x.exr")["R"].min(), 1)
+
+
+class Shots(InAFolder):
+    """Frames of a shot as they are written, by a worker that gives noise."""
+
+    def written(self):
+        rendered = []
+
+        class Noise:
+            def render(self, spp, seed):
+                rendered.append((spp, seed))
+                motion, camera = np.full((16, 16, 4), 1234.56), np.arange(16.0).reshape(4, 4)
+                return buffers(len(rendered)) | {"motion": motion, "camera": camera}
+
+        shot = shots.Shot("none", 1, 160, 256, "")
+        shots.write_frame(self.root / "s", shot, "s", 3, Noise())
+        return rendered
+
+    def test_motion_and_camera_are_kept_whole(self):
+        self.written()
+        self.assertEqual(self.read("s/a.1003.exr")["Vector.W"][0, 0], np.float32(1234.56))
+        header = OpenEXR.File(str(self.root / "s/b.1003.exr")).header()
+        np.testing.assert_array_equal(header["worldToNDC"], np.arange(16.0).reshape(4, 4))
+        self.assertEqual({"a.R", "b.B", "G"} - set(self.read("s/ref.1003.exr")), set())
+
+    def test_every_part_of_a_half_has_a_seed_of_its_own(self):
+        rendered = self.written()
+        # Halves of 80 samples in two parts, references of 128 in two.
+        self.assertEqual([spp for spp, _ in rendered], [64, 16, 64, 16, 64, 64, 64, 64])
+        self.assertEqual(len({seed for _, seed in rendered}), len(rendered))
 
 
 class Rendering(unittest.TestCase):
