@@ -34,7 +34,7 @@ class Renderer(mitsuba_renderer.Renderer):
         return objects, self.camera
 
     def render(self, spp, seed):
-        """Buffers of (height, width, channels) by role; `camera` is the matrix from the world to -1..1, for row vectors."""
+        """Buffers of (height, width, channels) by role; `camera` is the matrix from the world to the picture."""
         picture = self.picture(spp, seed)
         matrix = world_to_ndc(*self.camera, self.size[0] / self.size[1])
         return mitsuba_renderer.roles(picture) | {"position": picture[..., 10:13], "camera": matrix}

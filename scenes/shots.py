@@ -1,8 +1,8 @@
 """Shots, to measure what neighbouring frames give: `python -m scenes.shots OUT`.
 
-Of every shot, in OUT/SHOT: {a,b}.FRAME.exr, half of the samples each, with the denoised picture of the half, albedo and
+Of every shot, in OUT/SHOT: {a,b}.FRAME.exr, half of the samples each, with the half's denoised picture, albedo and
 normal, and what motion is found from: Cycles' Vector pass, or world positions with the camera's matrix (Mitsuba);
-denoised.FRAME.exr of the full buffer and ref.FRAME.exr with both its halves. Half floats (positions and motion single), ZIP.
+denoised.FRAME.exr of the full buffer, ref.FRAME.exr with both its halves. Half floats (positions, motion single), ZIP.
 Every frame and half has a seed of its own.
 """
 
@@ -87,7 +87,7 @@ def write_frame(folder, shot, name, number, worker):
 
 
 def rendered(worker, spp, *key):
-    """Buffers by role, the mean of `spp` samples. Motion and camera are the first part's: they have no noise to average."""
+    """Buffers by role, the mean of `spp` samples. Motion and camera are those of the first part."""
     sums, done = {}, 0
     while done < spp:
         samples = min(PASS_SPP, spp - done)

@@ -11,7 +11,8 @@ def shot_case():
     sizes = [(1, 1), (1, 6), (7, 1), (9, 13)]
     case = Case(
         "shot",
-        "Warp by both kernels, validity by features and light, and temporal mean over two neighbours: borders, whole pixels, places outside.",
+        "Warp by both kernels, validity by features and by light, temporal mean over two neighbours: "
+        "borders, whole pixels, places outside.",
         {"kind": "shot", "sizes": [f"{h}x{w}" for h, w in sizes]},
     )
     for height, width in sizes:

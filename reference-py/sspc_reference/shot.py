@@ -73,7 +73,7 @@ def brightness(denoised):
 
 
 def same_light(denoised, neighbour, flicker_of, field):
-    """What of v stays [1, 1, H, W]: `denoised` and `neighbour` are one half's, `flicker_of` the neighbour's both halves."""
+    """What of v stays [1, 1, H, W]: `denoised`, `neighbour` of one half, `flicker_of` both of the neighbour."""
     a, b = (brightness(half) for half in flicker_of)
     own, (other, _) = brightness(denoised), warp(brightness(neighbour), field, bilinear_weights)
     flicker, _ = warp(box_mean((a - b) ** 2, FLICKER_RADIUS), field, bilinear_weights)
