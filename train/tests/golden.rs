@@ -42,6 +42,7 @@ fn fits_are_as_they_were() {
     let none = |more: &[&'static str]| [&no_features, more].concat();
     let cases = [
         ("fast", sample(&["--preset", "fast", "--steps", "12"])),
+        ("fast, three layers", sample(&["--preset", "fast", "--steps", "12", "--set", "layers=3"])),
         ("balanced", sample(&["--steps", "12"])),
         ("quality", halves(&["--preset", "quality", "--steps", "6"])),
         ("paper", halves(&["--preset", "paper", "--steps", "1"])),
