@@ -56,6 +56,15 @@ fn progress_is_told_to_a_farm() {
 }
 
 #[test]
+fn no_more_threads_run_than_there_are_cores() {
+    let folder = folder();
+    let out = folder.path().join("fit");
+    assert_success(&fit(&out, &["--threads", "4096"]));
+    let cores = std::thread::available_parallelism().expect("cores").get();
+    assert_eq!(report(&out)["threads"], serde_json::json!(cores.min(4096)));
+}
+
+#[test]
 fn a_dry_run_names_roles_and_writes_nothing() {
     let folder = folder();
     let out = folder.path().join("out");
