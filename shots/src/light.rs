@@ -24,62 +24,56 @@ const OTHER: f32 = 0.5;
 /// From there to the difference that leaves v as it is.
 const FADE: f32 = 0.3;
 
-/// A frame's light.
-pub struct Light {
-    /// ℓ of both halves, `[1, H, W]`.
-    brightness: [Image; 2],
-    /// φ², `[1, H, W]`.
-    flicker: Image,
-}
-
-impl Light {
-    /// Of the [`brightness`] of both halves.
-    ///
-    /// # Panics
-    /// When sizes differ.
-    pub fn of(brightness: [Image; 2]) -> Self {
-        let [a, b] = &brightness;
-        assert!(a.same_size(b), "halves of one size");
-        let mut apart = a.clone();
-        apart.for_each_row(|_, y, row| {
-            for (a, b) in row.iter_mut().zip(b.row(0, y)) {
-                *a = (*a - b) * (*a - b);
-            }
-        });
-        Self { flicker: box_mean(&apart, FLICKER_RADIUS), brightness }
-    }
-
-    /// Lessens `valid`, `[1, H, W]`, where half `half` of the neighbour lies in other light than this frame's. Values that are not
-    /// finite say nothing.
-    ///
-    /// # Panics
-    /// When sizes differ.
-    pub fn keep_same(&self, neighbour: &Light, half: usize, field: &Field, valid: &mut Image) {
-        let (own, other, flicker) = (&self.brightness[half], &neighbour.brightness[half], &neighbour.flicker);
-        assert!([own, other, &*valid].iter().all(|image| image.same_size(field)), "a neighbour of one size");
-        let (height, width) = (field.height(), field.width());
-        for_rows(&mut [valid], |y, rows| {
-            let (dx, dy, own) = (field.row(0, y), field.row(1, y), own.row(0, y));
-            for (x, v) in rows[0].iter_mut().enumerate().filter(|(_, v)| **v > 0.0) {
-                let Some(taps) = Taps::at(x as f32 + dx[x], y as f32 + dy[x], height, width) else { continue };
-                let of = |plane: &Image| bilinear(plane.plane(0), width, &taps);
-                let share = share_of(own[x], of(other), of(flicker));
-                *v *= if share.is_nan() { 1.0 } else { share };
-            }
-        });
-    }
-}
-
 /// ℓ of a half's denoised picture `[3, H, W]`: `[1, H, W]`.
 pub fn brightness(denoised: &Image) -> Image {
-    let mut mean = Image::zeros(1, denoised.height(), denoised.width());
-    mean.for_each_row(|_, y, row| {
-        let [r, g, b] = [0, 1, 2].map(|c| denoised.row(c, y));
+    let (height, width) = (denoised.height(), denoised.width());
+    let mut brightness = Image::zeros(1, height, width);
+    brightness.for_each_row(|_, y, row| {
+        let rows = y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(height);
+        let mut sums = vec![0.0f32; width];
+        for line in rows.clone().flat_map(|y| (0..3).map(move |c| denoised.row(c, y))) {
+            sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += value);
+        }
         for (x, mean) in row.iter_mut().enumerate() {
-            *mean = (r[x] + g[x] + b[x]) / 3.0;
+            let columns = x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width);
+            let values = (3 * rows.len() * columns.len()) as f32;
+            *mean = sums[columns].iter().sum::<f32>() / values;
         }
     });
-    box_mean(&mean, RADIUS)
+    brightness
+}
+
+/// φ² of a frame, of the [`brightness`] of both halves: `[1, H, W]`.
+///
+/// # Panics
+/// When sizes differ.
+pub fn flicker(mut a: Image, b: &Image) -> Image {
+    assert!(a.same_size(b), "halves of one size");
+    a.for_each_row(|_, y, row| {
+        for (a, b) in row.iter_mut().zip(b.row(0, y)) {
+            *a = (*a - b) * (*a - b);
+        }
+    });
+    box_mean(&a, FLICKER_RADIUS)
+}
+
+/// Lessens `valid`, `[1, H, W]`, where the neighbour, of [`brightness`] `other` and [`flicker`] `flicker`, lies in other light than this
+/// frame's half of brightness `own`. Values that are not finite say nothing.
+///
+/// # Panics
+/// When sizes differ.
+pub fn keep_same(own: &Image, other: &Image, flicker: &Image, field: &Field, valid: &mut Image) {
+    assert!([own, other, flicker, &*valid].iter().all(|image| image.same_size(field)), "a neighbour of one size");
+    let (height, width) = (field.height(), field.width());
+    for_rows(&mut [valid], |y, rows| {
+        let (dx, dy, own) = (field.row(0, y), field.row(1, y), own.row(0, y));
+        for (x, v) in rows[0].iter_mut().enumerate().filter(|(_, v)| **v > 0.0) {
+            let Some(taps) = Taps::at(x as f32 + dx[x], y as f32 + dy[x], height, width) else { continue };
+            let of = |plane: &Image| bilinear(plane.plane(0), width, &taps);
+            let share = share_of(own[x], of(other), of(flicker));
+            *v *= if share.is_nan() { 1.0 } else { share };
+        }
+    });
 }
 
 /// What of v stays between places of this brightness; NaN where that is not known.

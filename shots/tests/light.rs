@@ -1,7 +1,7 @@
 //! Same light against a naive f64 twin, and what it is there for.
 
 use sspc_image::Image;
-use sspc_shots::light::{Light, brightness};
+use sspc_shots::light::{brightness, flicker, keep_same};
 
 /// Rounding of some dozens of f32 operations, where a difference of squares loses digits.
 const TOLERANCE: f64 = 2e-4;
@@ -58,10 +58,11 @@ fn what_stays_is_what_the_definition_leaves() {
         let other = z();
         let (frames, others) = ([own.clone(), like(&own)], [other.clone(), like(&other)]);
         let field = random(2, height, width, -2.0, 2.0);
-        let light = |pictures: &[Image; 2]| Light::of([brightness(&pictures[0]), brightness(&pictures[1])]);
+        let phi2 = flicker(brightness(&others[0]), &brightness(&others[1]));
         for half in 0..2 {
             let mut found = Image::filled(1, height, width, 0.5);
-            light(&frames).keep_same(&light(&others), half, &field, &mut found);
+            let [own, other] = [&frames, &others].map(|frame| brightness(&frame[half]));
+            keep_same(&own, &other, &phi2, &field, &mut found);
             let ell = |y: usize, x: usize| twin_brightness(&others[half], y, x);
             let squared =
                 |y: usize, x: usize| (twin_brightness(&others[0], y, x) - twin_brightness(&others[1], y, x)).powi(2);
@@ -84,34 +85,34 @@ fn what_stays_is_what_the_definition_leaves() {
     }
 }
 
-/// What is left of validity 1 where both halves of a frame are `own` and those of the neighbour `other`.
-fn left(own: [f32; 2], other: [f32; 2]) -> f32 {
-    let light = |values: [f32; 2]| Light::of(values.map(|value| brightness(&Image::filled(3, 8, 8, value))));
+/// What is left of validity 1 beside a neighbour whose halves are `others`.
+fn left(own: f32, others: [f32; 2]) -> f32 {
+    let of = |value: f32| brightness(&Image::filled(3, 8, 8, value));
+    let [a, b] = others.map(of);
     let mut valid = Image::filled(1, 8, 8, 1.0);
-    light(own).keep_same(&light(other), 0, &Image::zeros(2, 8, 8), &mut valid);
+    keep_same(&of(own), &a, &flicker(a.clone(), &b), &Image::zeros(2, 8, 8), &mut valid);
     valid.at(0, 4, 4)
 }
 
 #[test]
 fn light_that_changes_counts_less_and_flicker_does_not() {
-    assert_eq!(left([1.0, 1.0], [1.15, 1.15]), 1.0, "a difference of 13 %");
-    assert_eq!(left([1.0, 1.0], [2.5, 2.5]), 0.0, "of 60 %");
-    let between = left([1.0, 1.0], [0.65, 0.65]);
+    assert_eq!(left(1.0, [1.15, 1.15]), 1.0, "a difference of 13 %");
+    assert_eq!(left(1.0, [2.5, 2.5]), 0.0, "of 60 %");
+    let between = left(1.0, [0.65, 0.65]);
     assert!((between - 0.5).abs() < 1e-5, "of 35 %: {between}");
-    assert_eq!(left([1.0, 1.0], [0.5, 0.75]), 1.0, "twice the flicker is as far as it reaches");
-    assert_eq!(left([1.0, 0.4], [2.5, 2.5]), 0.0, "this frame's other half has no say");
+    assert_eq!(left(1.0, [0.5, 0.75]), 1.0, "twice the flicker is as far as it reaches");
 }
 
 #[test]
 fn exposure_is_no_light_and_what_is_unknown_says_nothing() {
     for scale in [1e-6f32, 1e6] {
-        assert_eq!(left([scale; 2], [1.15 * scale; 2]), 1.0, "{scale}");
-        assert_eq!(left([scale; 2], [2.5 * scale; 2]), 0.0, "{scale}");
+        assert_eq!(left(scale, [1.15 * scale; 2]), 1.0, "{scale}");
+        assert_eq!(left(scale, [2.5 * scale; 2]), 0.0, "{scale}");
     }
-    assert_eq!(left([0.0; 2], [0.0; 2]), 1.0, "black beside black");
-    assert_eq!(left([0.0; 2], [1.0; 2]), 0.0, "black beside light");
+    assert_eq!(left(0.0, [0.0; 2]), 1.0, "black beside black");
+    assert_eq!(left(0.0, [1.0; 2]), 0.0, "black beside light");
     for unknown in [f32::NAN, f32::INFINITY] {
-        assert_eq!(left([1.0; 2], [unknown; 2]), 1.0, "{unknown}");
-        assert_eq!(left([unknown; 2], [1.0; 2]), 1.0, "{unknown}");
+        assert_eq!(left(1.0, [unknown; 2]), 1.0, "{unknown}");
+        assert_eq!(left(unknown, [1.0; 2]), 1.0, "{unknown}");
     }
 }

@@ -10,14 +10,13 @@ use sspc_shots::camera::moved;
 use sspc_shots::convention::{Alignment, Convention, holds, says_nothing};
 use sspc_shots::field::{Field, composed, of_full};
 use sspc_shots::flow::estimated;
-use sspc_shots::light::Light;
+use sspc_shots::light::keep_same;
 use sspc_shots::mean::TemporalMean;
 use sspc_shots::relation::{
     LEAST_LIKENESS, LEAST_VALIDITY, MOST_SHARED_NOISE, Noisy, are_same, likeness, shared_noise,
 };
 use sspc_shots::validity::{Guides, validity};
 use std::borrow::Cow;
-use std::sync::Arc;
 
 /// Rows in the middle of the picture over which noise is correlated.
 const ROWS_LOOKED_AT: usize = 256;
@@ -105,8 +104,6 @@ struct Added {
 struct Work<'a> {
     centre: &'a Sides,
     settings: &'a ShotSettings,
-    /// The frame's light, once there is a neighbour to compare it with.
-    light: Option<Arc<Light>>,
     /// Of half a, of half b and of the full buffer; `None` as long as nothing was added.
     sums: Option<[TemporalMean; 3]>,
     /// Fields of each half to the farthest neighbours so far, before and after the frame, where there are farther ones.
@@ -115,7 +112,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     fn new(centre: &'a Sides, settings: &'a ShotSettings) -> Self {
-        Self { centre, settings, light: None, sums: None, ways: [None, None] }
+        Self { centre, settings, sums: None, ways: [None, None] }
     }
 
     fn add(&mut self, neighbour: &Sides, before: Option<&Sides>, offset: i32) -> Result<Added, Error> {
@@ -131,11 +128,7 @@ impl<'a> Work<'a> {
         if neighbour.count() != centre.count() {
             return leave("it has another number of denoised pictures".into(), true);
         }
-        let light = match &self.light {
-            Some(light) => light.clone(),
-            None => self.light.insert(centre.light()?).clone(),
-        };
-        let other_light = neighbour.light()?;
+        let flicker = neighbour.flicker()?;
         let direction = usize::from(offset > 0);
         let (mut motion, mut ways, mut like, mut are_all_same) = (None, Vec::with_capacity(2), f64::INFINITY, true);
         for h in 0..2 {
@@ -163,7 +156,7 @@ impl<'a> Work<'a> {
             };
             like = like.min(likeness(&own.denoised, &other.denoised, &field));
             let mut valid = validity(&own.guides(), &other.guides(), &field);
-            light.keep_same(&other_light, h, &field, &mut valid);
+            keep_same(&own.brightness(), &other.brightness(), &flicker, &field, &mut valid);
             ways.push(Way { valid, field });
         }
         let [a, b] = [&ways[0], &ways[1]];

@@ -9,7 +9,7 @@ use sspc_frames::error::Error;
 use sspc_image::{Buffer, Frame, HalfBuffer, Image, Role};
 use sspc_shots::camera::{Camera, Screen, Unusable};
 use sspc_shots::flow::Matchable;
-use sspc_shots::light::{Light, brightness};
+use sspc_shots::light::{brightness, flicker};
 use sspc_shots::validity::Guides;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -60,7 +60,8 @@ pub struct Decoded {
     /// Which denoised pictures were made, where the files do not hold them.
     pub denoiser: Option<DenoiserReport>,
     matchable: [OnceLock<Arc<Matchable>>; 2],
-    light: OnceLock<Arc<Light>>,
+    brightness: [OnceLock<Arc<Image>>; 2],
+    flicker: OnceLock<Arc<Image>>,
 }
 
 impl Decoded {
@@ -80,7 +81,8 @@ impl Decoded {
             seen: [seen_a?, seen_b?],
             denoiser,
             matchable: Default::default(),
-            light: OnceLock::new(),
+            brightness: Default::default(),
+            flicker: OnceLock::new(),
         })
     }
 
@@ -109,6 +111,7 @@ pub struct Side<'a> {
     /// World positions and their camera, or why they are of no use.
     pub seen: Option<Cow<'a, Result<Seen, Unusable>>>,
     matchable: Option<&'a OnceLock<Arc<Matchable>>>,
+    brightness: Option<&'a OnceLock<Arc<Image>>>,
 }
 
 impl Side<'_> {
@@ -121,6 +124,15 @@ impl Side<'_> {
     pub fn matchable(&self) -> Arc<Matchable> {
         let make = || Arc::new(Matchable::of(&self.denoised, &self.guides()));
         match self.matchable {
+            Some(known) => known.get_or_init(make).clone(),
+            None => make(),
+        }
+    }
+
+    /// Its brightness, `[1, H, W]`.
+    pub fn brightness(&self) -> Arc<Image> {
+        let make = || Arc::new(brightness(&self.denoised));
+        match self.brightness {
             Some(known) => known.get_or_init(make).clone(),
             None => make(),
         }
@@ -151,6 +163,7 @@ impl Sides {
                     motion: decoded.motion.as_ref().map(|motion| Cow::Borrowed(&motion[half])),
                     seen: decoded.seen[half].as_ref().map(Cow::Borrowed),
                     matchable: Some(&decoded.matchable[half]),
+                    brightness: Some(&decoded.brightness[half]),
                 })
             }
             Sides::Files(open) => {
@@ -164,26 +177,26 @@ impl Sides {
                     motion: role(Role::Motion)?,
                     seen: Seen::read(open, buffer)?.map(Cow::Owned),
                     matchable: None,
+                    brightness: None,
                 })
             }
         }
     }
 
-    /// The light of both halves.
+    /// How much the brightness of its halves differs ([`flicker`]).
     ///
     /// # Errors
     /// What reading can raise.
-    pub fn light(&self) -> Result<Arc<Light>, Error> {
+    pub fn flicker(&self) -> Result<Arc<Image>, Error> {
+        // One half is in memory at a time.
+        let of = |half| Ok::<_, Error>(self.half(half)?.brightness());
+        let make = || Ok::<_, Error>(Arc::new(flicker(Image::clone(&*of(0)?), &*of(1)?)));
         match self {
-            Sides::Decoded(decoded) => {
-                let halves = || [0, 1].map(|half| brightness(&decoded.half(half).denoised));
-                Ok(decoded.light.get_or_init(|| Arc::new(Light::of(halves()))).clone())
-            }
-            Sides::Files(open) => {
-                // The first is z itself.
-                let of = |half| Ok::<_, Error>(brightness(&open.denoised_rows(half, 0..open.height())?[0]));
-                Ok(Arc::new(Light::of([of(HALVES[0])?, of(HALVES[1])?])))
-            }
+            Sides::Decoded(decoded) => match decoded.flicker.get() {
+                Some(known) => Ok(known.clone()),
+                None => make().map(|made| decoded.flicker.get_or_init(|| made).clone()),
+            },
+            Sides::Files(_) => make(),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Warp, validity and temporal mean of a shot.
 
 use sspc_image::Image;
-use sspc_shots::light::{Light, brightness};
+use sspc_shots::light::{brightness, flicker, keep_same};
 use sspc_shots::mean::TemporalMean;
 use sspc_shots::validity::{Guides, validity};
 use sspc_shots::warp::{Kernel, warped};
@@ -32,8 +32,6 @@ fn warp_validity_and_mean_match() {
             let get = |name: &str, channels| image(&case, &format!("{name}_{text}"), channels, size);
             let (z, albedo, normal) = (get("denoised", 3), get("albedo", 3), get("normal", 3));
             let own = Guides { albedo: Some(&albedo), normal: Some(&normal) };
-            let light = |a: &Image, b: &Image| Light::of([brightness(a), brightness(b)]);
-            let own_light = light(&z, &get("denoised_of_b", 3));
             let mut mean = TemporalMean::new(1, height, width);
             for k in 0..2 {
                 let of = |name: &str, channels| get(&format!("neighbour{k}_{name}"), channels);
@@ -47,8 +45,8 @@ fn warp_validity_and_mean_match() {
                 check(&warped(&other, &field, Kernel::CatmullRom), "cubic", Some(&outside));
                 let mut valid = validity(&own, &Guides { albedo: Some(&albedo), normal: Some(&normal) }, &field);
                 check(&valid, "validity", None);
-                let other_light = light(&other, &of("denoised_of_b", 3));
-                own_light.keep_same(&other_light, 0, &field, &mut valid);
+                let (bright, of_b) = (brightness(&other), brightness(&of("denoised_of_b", 3)));
+                keep_same(&brightness(&z), &bright, &flicker(bright.clone(), &of_b), &field, &mut valid);
                 check(&valid, "valid_in_same_light", None);
                 mean.add(&[&other], &field, &valid);
             }
