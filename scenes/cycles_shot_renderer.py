@@ -14,8 +14,8 @@ class Renderer(cycles_renderer.Renderer):
     def __init__(self, name, number, size, threads):
         super().__init__(name, size, DEPTH, threads)
         scene = bpy.context.scene
+        # Cameras that are bound to markers change with it.
         scene.frame_set(number)
-        # Cameras bound to markers change at a cut.
         bpy.context.view_layer.use_pass_vector = self.has_motion = not scene.render.use_motion_blur
 
     def render(self, spp, seed):

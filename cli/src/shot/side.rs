@@ -188,15 +188,17 @@ impl Sides {
     /// # Errors
     /// What reading can raise.
     pub fn flicker(&self) -> Result<Arc<Image>, Error> {
-        // One half is in memory at a time.
-        let of = |half| Ok::<_, Error>(self.half(half)?.brightness());
-        let make = || Ok::<_, Error>(Arc::new(flicker(Image::clone(&*of(0)?), &*of(1)?)));
         match self {
-            Sides::Decoded(decoded) => match decoded.flicker.get() {
-                Some(known) => Ok(known.clone()),
-                None => make().map(|made| decoded.flicker.get_or_init(|| made).clone()),
-            },
-            Sides::Files(_) => make(),
+            Sides::Decoded(decoded) => {
+                let make = |half: usize| Arc::new(brightness(&decoded.half(half).denoised));
+                let of = |half: usize| decoded.brightness[half].get_or_init(|| make(half));
+                Ok(decoded.flicker.get_or_init(|| Arc::new(flicker(Image::clone(of(0)), of(1)))).clone())
+            }
+            Sides::Files(open) => {
+                // The first is z itself. One half is in memory at a time.
+                let of = |half| Ok::<_, Error>(brightness(&open.denoised_rows(half, 0..open.height())?[0]));
+                Ok(Arc::new(flicker(of(HALVES[0])?, &of(HALVES[1])?)))
+            }
         }
     }
 
