@@ -1,7 +1,7 @@
 //! g_c and its gradient, strip by strip of a region.
 //!
 //! Rows are taken in pairs: what a pixel of the upper row and one of the lower have in common
-//! ([`pair_logarithms`](super::pair_logarithms)) is computed once and used while it is in the first cache, for the
+//! ([`pair_distances`](super::pair_distances)) is computed once and used while it is in the first cache, for the
 //! lower pixel as a tap of the upper ([`tap_sums`](super::tap_sums)) and the other way round. So the windows of
 //! radius + 1 rows grow at the same time, and a row's is complete with the pairs of which it is the
 //! upper. Every pixel's taps come in the same order wherever the region's borders lie.
@@ -11,12 +11,10 @@
 //! regions cost least: 8 rows 10 to 15 % more per pixel than 32.
 
 use super::from_sums::{Complete, MAX_PARAMETERS};
-use super::pair_logarithms::{Logarithms, RowTaps};
+use super::pair_distances::{Distances, RowTaps};
 use super::strip::{Rows, STRIP, at_column};
-use super::tap_sums::{self, SLOPE_VALUES, Sums, TapRow, WIDTHS};
+use super::tap_sums::{Sums, TapRow, Weights, begin};
 use super::{Correction, ParameterPlanes};
-use crate::aligned::Aligned;
-use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, SLOPE_COUNT, SLOPES};
 use crate::region::Region;
 use crate::simd::{Kernel, Simd};
 
@@ -59,8 +57,8 @@ impl<U: Upstream> Kernel for Correct<'_, U> {
             taps: self.of.taps.pairs().into_iter().map(RowTaps::new).collect(),
             rows: Rows::new(radius),
             sums: Sums::new(radius, U::NEEDED),
-            logs: Logarithms::new(radius),
-            tap_terms: tap_sums::tap_terms(),
+            distances: Distances::new(radius),
+            weights: Weights::new(),
         };
         for left in (0..self.of.region.width).step_by(STRIP) {
             let width = STRIP.min(self.of.region.width - left);
@@ -74,8 +72,8 @@ struct Work {
     taps: Vec<RowTaps>,
     rows: Rows,
     sums: Sums,
-    logs: Logarithms,
-    tap_terms: Aligned,
+    distances: Distances,
+    weights: Weights,
 }
 
 impl<U: Upstream> Correct<'_, U> {
@@ -90,20 +88,20 @@ impl<U: Upstream> Correct<'_, U> {
             if inside(upper + radius) {
                 self.begin(s, work, (upper + radius) as usize, left, width);
             }
-            let Work { taps, rows, sums, logs, tap_terms } = work;
+            let (set, masked) = (self.of.windows.set(), self.of.windows.masked());
+            let Work { taps, rows, sums, distances, weights } = work;
             for row in taps.iter() {
                 let lower = upper + row.dy;
                 let ends = [rows.row(upper), rows.row(lower)];
-                logs.compute(s, row, ends, [inside(upper), inside(lower)], width);
-                for (y, taps, [own, other]) in [(lower, &row.up, [ends[1], ends[0]]), (upper, &row.down, ends)] {
+                distances.compute(s, set, row, ends, [inside(upper), inside(lower)], width);
+                for (y, taps, other) in [(lower, &row.up, ends[0]), (upper, &row.down, ends[1])] {
                     for x in (0..width).step_by(S::LANES).take_while(|_| inside(y)) {
-                        let (set, masked) = (self.of.windows.set(), self.of.windows.masked());
-                        let tap_row = TapRow { s, set, masked, x, own, other, logs: logs.at_column(x) };
-                        let (sums, tap_terms) = (sums.at::<S>(y as usize, x), &mut *tap_terms);
+                        let tap_row = TapRow { s, set, masked, x, other, distances: distances.at_column(x) };
+                        let sums = sums.at::<S>(y as usize, x);
                         if U::NEEDED {
-                            tap_row.add_for_gradient(taps, sums, tap_terms);
+                            tap_row.add_for_gradient(taps, sums, weights);
                         } else {
-                            tap_row.add(taps, sums, tap_terms);
+                            tap_row.add(taps, sums, weights);
                         }
                     }
                 }
@@ -120,11 +118,8 @@ impl<U: Upstream> Correct<'_, U> {
         for x in (0..width).step_by(S::LANES) {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
-            let sums = work.sums.at::<S>(y, x);
-            begin(s, &p, sums);
-            for i in 0..if U::NEEDED { SLOPE_COUNT } else { 0 } {
-                s.store(&mut sums[(SLOPE_VALUES + i) * S::LANES..], p[SLOPES + i]);
-            }
+            let centre = at_column::<S>(work.rows.row(y as isize), x as isize);
+            begin(s, &p, U::NEEDED.then_some(centre), work.sums.at::<S>(y, x));
         }
     }
 
@@ -136,7 +131,7 @@ impl<U: Upstream> Correct<'_, U> {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
             let centre = at_column::<S>(work.rows.row(y as isize), x as isize);
-            let pixels = Complete::new(s, p, self.of.windows.masked(), centre, work.sums.at::<S>(y, x));
+            let pixels = Complete::new(s, p, self.of.windows, centre, work.sums.at::<S>(y, x));
             let corrected = pixels.corrected(form);
             let place = y * self.of.region.width + left + x;
             store_planes(s, self.out, plane, place, lanes, &corrected);
@@ -146,16 +141,6 @@ impl<U: Upstream> Correct<'_, U> {
                 store_planes(s, self.gradient, plane, place, lanes, &gradient[..form.parameters()]);
             }
         }
-    }
-}
-
-/// Sums of a vector of pixels before its first tap: 0, and the widths that its weights are made of.
-#[inline(always)]
-pub(super) fn begin<S: Simd>(s: S, p: &[S::F; MAX_PARAMETERS], sums: &mut [f32]) {
-    sums.fill(0.0);
-    for m in 0..BANDWIDTH_COUNT {
-        let unit = tap_sums::exponent_unit(m);
-        s.store(&mut sums[(WIDTHS + m) * S::LANES..], s.mul(p[BANDWIDTHS + m], s.splat(unit)));
     }
 }
 

@@ -4,10 +4,10 @@
 //! all of them; a plane costs a multiplication and an addition per tap.
 
 use super::from_sums::MAX_PARAMETERS;
-use super::kernel::{begin, load_parameters, store_planes};
-use super::pair_logarithms::{Logarithms, RowTaps};
+use super::kernel::{load_parameters, store_planes};
+use super::pair_distances::{Distances, RowTaps};
 use super::strip::{LEFT, PITCH, Rows, STRIP, at_column};
-use super::tap_sums::{self, Sums, TapRow, WEIGHT};
+use super::tap_sums::{Sums, TapRow, WEIGHT, Weights, begin};
 use super::{Correction, WEIGHT_FLOOR};
 use crate::aligned::Aligned;
 use crate::features::FEATURE_CHANNELS;
@@ -33,8 +33,8 @@ struct Work {
     rows: Rows,
     planes: PlaneRows,
     sums: Sums,
-    logs: Logarithms,
-    weights: Aligned,
+    distances: Distances,
+    weights: Weights,
 }
 
 impl Kernel for Means<'_> {
@@ -49,8 +49,8 @@ impl Kernel for Means<'_> {
             rows: Rows::new(radius),
             planes: PlaneRows::new(radius, count),
             sums: Sums::of_vectors(radius, PLANE_SUMS + count),
-            logs: Logarithms::new(radius),
-            weights: tap_sums::tap_terms(),
+            distances: Distances::new(radius),
+            weights: Weights::new(),
         };
         for left in (0..self.of.region.width).step_by(STRIP) {
             let width = STRIP.min(self.of.region.width - left);
@@ -76,23 +76,22 @@ impl Means<'_> {
             if inside(upper + radius) {
                 self.begin(s, work, (upper + radius) as usize, left, width);
             }
-            let Work { taps, rows, planes, sums, logs, weights } = work;
+            let (set, masked) = (self.of.windows.set(), self.of.windows.masked());
+            let Work { taps, rows, planes, sums, distances, weights } = work;
             for row in taps.iter() {
                 let lower = upper + row.dy;
                 let ends = [rows.row(upper), rows.row(lower)];
-                logs.compute(s, row, ends, [inside(upper), inside(lower)], width);
-                let both = [(lower, upper, &row.up, [ends[1], ends[0]]), (upper, lower, &row.down, ends)];
-                for (y, of_taps, taps, [own, other]) in both {
+                distances.compute(s, set, row, ends, [inside(upper), inside(lower)], width);
+                for (y, of_taps, taps, other) in [(lower, upper, &row.up, ends[0]), (upper, lower, &row.down, ends[1])] {
                     for x in (0..width).step_by(S::LANES).take_while(|_| inside(y)) {
-                        let (set, masked) = (self.of.windows.set(), self.of.windows.masked());
-                        let tap_row = TapRow { s, set, masked, x, own, other, logs: logs.at_column(x) };
+                        let tap_row = TapRow { s, set, masked, x, other, distances: distances.at_column(x) };
                         let sums = sums.at::<S>(y as usize, x);
                         tap_row.add_weights(taps, sums, weights);
                         let values = planes.row(of_taps);
                         for (chunk, sums) in sums[PLANE_SUMS * S::LANES..].chunks_mut(AT_ONCE * S::LANES).enumerate() {
                             let values = &values[chunk * AT_ONCE * PITCH..];
                             let columns = taps.iter().map(|tap| LEFT.strict_add_signed(x as isize + tap.dx));
-                            add(s, columns, weights, values, sums);
+                            add(s, columns, weights.of_taps(), values, sums);
                         }
                     }
                 }
@@ -109,7 +108,7 @@ impl Means<'_> {
         for x in (0..width).step_by(S::LANES) {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
-            begin(s, &p, work.sums.at::<S>(y, x));
+            begin(s, &p, None, work.sums.at::<S>(y, x));
         }
     }
 

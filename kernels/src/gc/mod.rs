@@ -2,7 +2,7 @@
 //! backward, for rectangles of a picture.
 //!
 //! [`Correction`] is thin: the arithmetic stands once, generic over the instruction set, in `kernel` and what it
-//! calls, in the order of the data: `strip` copies rows of features close together, `pair_logarithms` computes
+//! calls, in the order of the data: `strip` copies rows of features close together, `pair_distances` computes
 //! what the pixels of a pair share, `tap_sums` adds up the taps of every pixel, `from_sums` turns sums into μ̂ and
 //! gradients; `means` averages further planes by the same weights. The naive f64 twin is [`oracle`].
 
@@ -11,7 +11,7 @@ mod given;
 mod kernel;
 mod means;
 pub mod oracle;
-mod pair_logarithms;
+mod pair_distances;
 mod parameter_planes;
 mod strip;
 mod tap_sums;

@@ -24,7 +24,13 @@ pub(super) type Row = [f32; ROW];
 /// The planes of a row from column `x` (which may lie outside the strip) on.
 #[inline(always)]
 pub(super) fn at_column<S: Simd>(row: &Row, x: isize) -> &[f32] {
-    &row[LEFT.wrapping_add_signed(x)..][..FEATURE_CHANNELS * PITCH + S::LANES]
+    at_columns::<S>(row, x, 1)
+}
+
+/// The same for so many vectors side by side.
+#[inline(always)]
+pub(super) fn at_columns<S: Simd>(row: &Row, x: isize, vectors: usize) -> &[f32] {
+    &row[LEFT.wrapping_add_signed(x)..][..FEATURE_CHANNELS * PITCH + vectors * S::LANES]
 }
 
 /// The rows that a row of pixels is compared with, itself included, as a ring.

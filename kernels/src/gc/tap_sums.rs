@@ -1,16 +1,19 @@
 //! The sums over taps: of a row of pixels, a vector at a time, over their taps in one other row.
 //!
-//! Forward these are Σw, Σw y_i and Σw (x_c - x_i) for x = z, ρ, n: slopes are constant over the
-//! window, so they multiply the sums, not the terms. For the gradient of the bandwidths
-//! Σw d_m (u_i - g) is needed, of which g is known only at the end: Σw d_m and Σw d_m (u_i - z_c) are
-//! added up for the five distances d_m, relative to z_c because that is near g.
+//! Forward these are Σw, Σw y_i and Σw x_i for x = z, ρ, n: slopes are constant over the window, so they multiply sums,
+//! not terms: Σw β(x_c - x_i) = β (x_c Σw - Σw x_i). For the gradient of the bandwidths Σw d_m (u_i - g) is needed, of which
+//! g is known only at the end: Σw d_m and Σw d_m (u_i - z_c) are added up for the five distances d_m, relative to z_c because
+//! that is near g.
+//!
+//! Each pass over the taps keeps to the sixteen vectors that AVX2 has registers for, with one load for a value: what is in
+//! memory is read as an operand of the multiply-add that needs it.
 
-use super::pair_logarithms::{TO_DENOISED, Tap};
+use super::pair_distances::{LENGTH, Tap};
 use super::strip::{PITCH, Row, STRIP, at_column};
-use super::vector::{accumulate, difference, load_vectors, load3, squared, store_vectors};
+use super::vector::{load_vectors, load3, store_vectors};
 use crate::aligned::Aligned;
-use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, MAX_RADIUS, NORMAL, RADIANCE, VISIBILITY};
-use crate::parameters::{BANDWIDTH_COUNT, SLOPE_COUNT};
+use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, MAX_RADIUS, NORMAL, RADIANCE};
+use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, SLOPE_COUNT, SLOPES};
 use crate::simd::{MAX_LANES, Simd};
 
 // The sums of one vector of pixels, in vectors from the first on.
@@ -21,15 +24,17 @@ pub(super) const WIDTHS: usize = 0;
 pub(super) const WEIGHT: usize = WIDTHS + BANDWIDTH_COUNT;
 /// Σw y_i.
 pub(super) const RADIANCE_SUMS: usize = WEIGHT + 1;
-/// Σw (x_c - x_i) in the order of the slopes.
-pub(super) const SLOPE_SUMS: usize = RADIANCE_SUMS + 3;
-/// Slopes β; from here on for a gradient only.
-pub(super) const SLOPE_VALUES: usize = SLOPE_SUMS + SLOPE_COUNT;
+/// Σw x_i in the order of the slopes.
+pub(super) const SLOPED_SUMS: usize = RADIANCE_SUMS + 3;
+/// -β; from here on for a gradient only.
+const MINUS_SLOPES: usize = SLOPED_SUMS + SLOPE_COUNT;
+/// What of u_i - z_c is the same for all taps: Σ β x_c - z_c.
+const OFFSETS: usize = MINUS_SLOPES + SLOPE_COUNT;
 /// Σw d_m.
-pub(super) const DISTANCE_SUMS: usize = SLOPE_VALUES + SLOPE_COUNT;
+pub(super) const DISTANCE_SUMS: usize = OFFSETS + 3;
 /// Σw d_m (u_i - z_c).
 pub(super) const MOMENTS: usize = DISTANCE_SUMS + BANDWIDTH_COUNT;
-const FORWARD_VECTORS: usize = SLOPE_VALUES;
+const FORWARD_VECTORS: usize = MINUS_SLOPES;
 const GRADIENT_VECTORS: usize = MOMENTS + 3 * BANDWIDTH_COUNT;
 
 /// Sums of the rows whose windows are not complete, as a ring.
@@ -56,19 +61,52 @@ impl Sums {
     }
 }
 
-/// What bandwidth `m` is multiplied by for `exp2` of its distance: the logarithms are to the base 2 already.
-pub(super) fn exponent_unit(m: usize) -> f32 {
-    if m < 3 { -std::f32::consts::LOG2_E } else { -1.0 }
+/// Sums of a vector of pixels before its first tap: 0, and what its terms are made of. Without the planes of the pixels
+/// themselves only what weights are made of.
+#[inline(always)]
+pub(super) fn begin<S: Simd>(s: S, p: &[S::F], centre: Option<&[f32]>, sums: &mut [f32]) {
+    sums.fill(0.0);
+    for m in 0..BANDWIDTH_COUNT {
+        // The logarithms are to the base 2 already.
+        let unit = if m < 3 { -std::f32::consts::LOG2_E } else { -1.0 };
+        s.store(&mut sums[(WIDTHS + m) * S::LANES..], s.mul(p[BANDWIDTHS + m], s.splat(unit)));
+    }
+    let Some(centre) = centre else { return };
+    let z = load3(s, centre, DENOISED);
+    for k in 0..3 {
+        let mut offset = s.sub(s.zero(), z[k]);
+        for f in 0..3 {
+            let slope = p[SLOPES + 3 * f + k];
+            offset = s.fma(slope, s.load(&centre[(SLOPED[f] + k) * PITCH..]), offset);
+            s.store(&mut sums[(MINUS_SLOPES + 3 * f + k) * S::LANES..], s.sub(s.zero(), slope));
+        }
+        s.store(&mut sums[(OFFSETS + k) * S::LANES..], offset);
+    }
 }
 
-// Per tap of a row, between the passes of a gradient: w, u_i - z_c, d_ρ, d_n, d_v.
-const TERMS: usize = 7;
-const TERM_U: usize = 1;
-const TERM_DISTANCES: usize = 4;
+/// Taps whose weights are computed at once.
+const AT_ONCE: usize = 4;
 
-/// Room for the terms of all taps of a row.
-pub(super) fn tap_terms() -> Aligned {
-    Aligned::zeros((2 * MAX_RADIUS + 1) * TERMS * MAX_LANES)
+/// First channels of the features that have slopes, in the order of the slopes.
+pub(super) const SLOPED: [usize; 3] = [DENOISED, ALBEDO, NORMAL];
+
+/// w of the taps of a vector of pixels, and w d_m for each.
+pub(super) struct Weights {
+    of_taps: Aligned,
+    distances: Aligned,
+}
+
+impl Weights {
+    /// Room for all taps of a row.
+    pub(super) fn new() -> Self {
+        let zeros = |vectors: usize| Aligned::zeros((2 * MAX_RADIUS + 1) * vectors * MAX_LANES);
+        Self { of_taps: zeros(1), distances: zeros(BANDWIDTH_COUNT) }
+    }
+
+    /// w, a vector for each tap.
+    pub(super) fn of_taps(&self) -> &[f32] {
+        &self.of_taps
+    }
 }
 
 /// One vector of pixels and the row in which its taps lie.
@@ -79,93 +117,56 @@ pub(super) struct TapRow<'a, S> {
     pub masked: bool,
     /// The pixels' column.
     pub x: usize,
-    /// The pixels' row.
-    pub own: &'a Row,
     /// The taps' row.
     pub other: &'a Row,
-    /// The logarithms from the pixels' column on.
-    pub logs: &'a [f32],
+    /// The distances from the pixels' column on.
+    pub distances: &'a [f32],
 }
 
 impl<S: Simd> TapRow<'_, S> {
     /// Adds the taps to the sums.
     #[inline(always)]
-    pub(super) fn add(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
-        let s = self.s;
-        let sums = &mut sums[..FORWARD_VECTORS * S::LANES];
-        let (centre, widths) = (self.centre(), load_vectors(s, sums, WIDTHS));
-        let mut terms = Terms::load(s, sums);
-        if S::REGISTERS >= 32 {
-            for tap in taps {
-                let (w, _) = self.weigh(tap, &centre, &widths);
-                self.add_term(tap, &centre, w, &mut terms);
-            }
-        } else {
-            // Sums and bandwidths do not fit the registers together.
-            for (tap, weight) in taps.iter().zip(weights.chunks_exact_mut(S::LANES)) {
-                s.store(weight, self.weigh(tap, &centre, &widths).0);
-            }
-            for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
-                self.add_term(tap, &centre, s.load(weight), &mut terms);
-            }
+    pub(super) fn add(&self, taps: &[Tap], sums: &mut [f32], weights: &mut Weights) {
+        self.add_weights(taps, sums, weights);
+        match (self.set.albedo, self.set.normal) {
+            (true, true) => self.add_values::<true, true>(taps, sums, weights),
+            (true, false) => self.add_values::<true, false>(taps, sums, weights),
+            (false, true) => self.add_values::<false, true>(taps, sums, weights),
+            (false, false) => self.add_values::<false, false>(taps, sums, weights),
         }
-        terms.store(s, sums);
     }
 
-    /// Adds the taps' weights to Σw and keeps them, a vector for each tap.
+    /// Adds the taps to the sums, those for the gradient too.
     #[inline(always)]
-    pub(super) fn add_weights(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
-        let s = self.s;
-        let (centre, widths) = (self.centre(), load_vectors(s, sums, WIDTHS));
-        let mut sum = s.load(&sums[WEIGHT * S::LANES..]);
-        for (tap, weight) in taps.iter().zip(weights.chunks_exact_mut(S::LANES)) {
-            let (w, _) = self.weigh(tap, &centre, &widths);
-            sum = s.add(sum, w);
-            s.store(weight, w);
+    pub(super) fn add_for_gradient(&self, taps: &[Tap], sums: &mut [f32], weights: &mut Weights) {
+        self.add_weights(taps, sums, weights);
+        let FeatureSet { albedo, normal, visibility } = self.set;
+        match (albedo, normal, visibility) {
+            (true, true, true) => self.add_moments::<true, true, true>(taps, sums, weights),
+            (true, true, false) => self.add_moments::<true, true, false>(taps, sums, weights),
+            (true, false, true) => self.add_moments::<true, false, true>(taps, sums, weights),
+            (true, false, false) => self.add_moments::<true, false, false>(taps, sums, weights),
+            (false, true, true) => self.add_moments::<false, true, true>(taps, sums, weights),
+            (false, true, false) => self.add_moments::<false, true, false>(taps, sums, weights),
+            (false, false, true) => self.add_moments::<false, false, true>(taps, sums, weights),
+            (false, false, false) => self.add_moments::<false, false, false>(taps, sums, weights),
         }
-        s.store(&mut sums[WEIGHT * S::LANES..], sum);
     }
 
-    /// Adds the taps to the sums, those for the gradient too. Three short passes, because one would need more
-    /// registers than there are.
+    /// Adds the taps' weights to Σw and keeps them.
     #[inline(always)]
-    pub(super) fn add_for_gradient(&self, taps: &[Tap], sums: &mut [f32], tap_terms: &mut [f32]) {
-        let s = self.s;
-        let sums = &mut sums[..GRADIENT_VECTORS * S::LANES];
-        let (centre, widths) = (self.centre(), load_vectors(s, sums, WIDTHS));
-        for (tap, of_tap) in taps.iter().zip(tap_terms.chunks_exact_mut(TERMS * S::LANES)) {
-            let (w, distances) = self.weigh(tap, &centre, &widths);
-            s.store(of_tap, w);
-            store_vectors(s, of_tap, TERM_DISTANCES, distances);
+    pub(super) fn add_weights(&self, taps: &[Tap], sums: &mut [f32], weights: &mut Weights) {
+        let FeatureSet { albedo, normal, visibility } = self.set;
+        match (albedo, normal, visibility) {
+            (true, true, true) => self.weigh::<true, true, true>(taps, sums, weights),
+            (true, true, false) => self.weigh::<true, true, false>(taps, sums, weights),
+            (true, false, true) => self.weigh::<true, false, true>(taps, sums, weights),
+            (true, false, false) => self.weigh::<true, false, false>(taps, sums, weights),
+            (false, true, true) => self.weigh::<false, true, true>(taps, sums, weights),
+            (false, true, false) => self.weigh::<false, true, false>(taps, sums, weights),
+            (false, false, true) => self.weigh::<false, false, true>(taps, sums, weights),
+            (false, false, false) => self.weigh::<false, false, false>(taps, sums, weights),
         }
-        let mut terms = Terms::load(s, sums);
-        for (tap, of_tap) in taps.iter().zip(tap_terms.chunks_exact_mut(TERMS * S::LANES)) {
-            let (y_i, differences) = self.add_term(tap, &centre, s.load(of_tap), &mut terms);
-            let mut u = difference(s, &y_i, &centre.sloped[0]);
-            for f in 0..3 {
-                for k in 0..if self.takes_part(f) { 3 } else { 0 } {
-                    let slope = s.load(&sums[(SLOPE_VALUES + 3 * f + k) * S::LANES..]);
-                    u[k] = s.fma(slope, differences[f][k], u[k]);
-                }
-            }
-            store_vectors(s, of_tap, TERM_U, u);
-        }
-        terms.store(s, sums);
-        self.add_moments(taps, sums, tap_terms);
-    }
-
-    /// Whether the feature with these slopes (z, ρ, n) takes part.
-    #[inline(always)]
-    fn takes_part(&self, slopes: usize) -> bool {
-        [true, self.set.albedo, self.set.normal][slopes]
-    }
-
-    /// The pixels' own features.
-    #[inline(always)]
-    fn centre(&self) -> Centre<S> {
-        let (s, own) = (self.s, at_column::<S>(self.own, self.x as isize));
-        let sloped = |f: usize| load3(s, own, SLOPED[f]);
-        Centre { sloped: [sloped(0), sloped(1), sloped(2)], visibility: s.load(&own[VISIBILITY * PITCH..]) }
     }
 
     /// The planes of the taps' row from the tap of the first pixel on.
@@ -174,119 +175,163 @@ impl<S: Simd> TapRow<'_, S> {
         at_column::<S>(self.other, self.x as isize + tap.dx)
     }
 
-    /// log2(1 + ‖y_c-y_i‖²) and log2(1 + ‖z_c-z_i‖²), where the pair's logarithms begin.
+    /// The distances of a tap from the first of the pixels on.
     #[inline(always)]
-    fn logs(&self, tap: &Tap) -> &[f32] {
-        &self.logs[tap.logs..][..TO_DENOISED + S::LANES]
+    fn distances(&self, tap: &Tap) -> &[f32] {
+        &self.distances[tap.distances..][..(BANDWIDTH_COUNT - 1) * LENGTH + S::LANES]
     }
 
-    /// w of a tap and its distances d_ρ, d_n, d_v.
     #[inline(always)]
-    fn weigh(&self, tap: &Tap, centre: &Centre<S>, widths: &[S::F; BANDWIDTH_COUNT]) -> (S::F, [S::F; 3]) {
-        let (s, at, logs) = (self.s, self.at(tap), self.logs(tap));
-        let mut exponent = s.mul(widths[3], s.load(logs));
-        exponent = s.fma(widths[4], s.load(&logs[TO_DENOISED..]), exponent);
-        let mut distances = [s.zero(); 3];
-        for f in 1..3 {
-            if self.takes_part(f) {
-                let d = squared(s, &difference(s, &centre.sloped[f], &load3(s, at, SLOPED[f])));
-                exponent = s.fma(widths[f - 1], d, exponent);
-                distances[f - 1] = d;
-            }
-        }
-        if self.set.visibility {
-            let dv = s.sub(centre.visibility, s.load(&at[VISIBILITY * PITCH..]));
-            distances[2] = s.mul(dv, dv);
-            exponent = s.fma(widths[2], distances[2], exponent);
-        }
-        let w = s.exp2(exponent);
-        (if self.masked { s.mul(w, s.load(&at[FEATURE_CHANNELS * PITCH..])) } else { w }, distances)
-    }
-
-    /// Adds a tap of weight w; gives back y_i and x_c - x_i.
-    #[inline(always)]
-    fn add_term(&self, tap: &Tap, centre: &Centre<S>, w: S::F, terms: &mut Terms<S>) -> ([S::F; 3], [[S::F; 3]; 3]) {
-        let (s, at) = (self.s, self.at(tap));
-        let y_i = load3(s, at, RADIANCE);
-        let mut differences = [[s.zero(); 3]; 3];
-        terms.weight = s.add(terms.weight, w);
-        accumulate(s, &mut terms.radiance, w, &y_i);
-        for f in 0..3 {
-            if self.takes_part(f) {
-                differences[f] = difference(s, &centre.sloped[f], &load3(s, at, SLOPED[f]));
-                accumulate(s, &mut terms.slopes[f], w, &differences[f]);
-            }
-        }
-        (y_i, differences)
-    }
-
-    /// Σw d_m and Σw d_m (u_i - z_c) of taps whose terms are there.
-    #[inline(always)]
-    fn add_moments(&self, taps: &[Tap], sums: &mut [f32], tap_terms: &[f32]) {
+    fn weigh<const ALBEDO: bool, const NORMAL: bool, const VISIBILITY: bool>(
+        &self,
+        taps: &[Tap],
+        sums: &mut [f32],
+        weights: &mut Weights,
+    ) {
         let s = self.s;
-        let taking_part = [self.set.albedo, self.set.normal, self.set.visibility, true, true];
-        let mut distances: [S::F; BANDWIDTH_COUNT] = load_vectors(s, sums, DISTANCE_SUMS);
-        let mut moments = [[s.zero(); 3]; BANDWIDTH_COUNT];
-        for (m, moments) in moments.iter_mut().enumerate() {
-            *moments = load_vectors(s, sums, MOMENTS + 3 * m);
+        let widths: [S::F; BANDWIDTH_COUNT] = load_vectors(s, sums, WIDTHS);
+        let mut sum = s.load(&sums[WEIGHT * S::LANES..]);
+        let (several, rest) = taps.as_chunks::<AT_ONCE>();
+        let (of_several, of_rest) = weights.of_taps.split_at_mut(several.len() * AT_ONCE * S::LANES);
+        for (taps, weights) in several.iter().zip(of_several.chunks_exact_mut(AT_ONCE * S::LANES)) {
+            self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, AT_ONCE>(taps, &widths, &mut sum, weights);
         }
-        for (tap, of_tap) in taps.iter().zip(tap_terms.chunks_exact(TERMS * S::LANES)) {
-            let logs = self.logs(tap);
-            let w = s.load(of_tap);
-            let u: [S::F; 3] = load_vectors(s, of_tap, TERM_U);
-            for m in 0..BANDWIDTH_COUNT {
-                if taking_part[m] {
-                    let d = match m {
-                        3 => s.load(logs),
-                        4 => s.load(&logs[TO_DENOISED..]),
-                        _ => s.load(&of_tap[(TERM_DISTANCES + m) * S::LANES..]),
-                    };
-                    let wd = s.mul(w, d);
-                    distances[m] = s.add(distances[m], wd);
-                    accumulate(s, &mut moments[m], wd, &u);
+        match *rest {
+            [a, b, c] => self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, 3>(&[a, b, c], &widths, &mut sum, of_rest),
+            [a, b] => self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, 2>(&[a, b], &widths, &mut sum, of_rest),
+            [a] => self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, 1>(&[a], &widths, &mut sum, of_rest),
+            _ => (),
+        }
+        s.store(&mut sums[WEIGHT * S::LANES..], sum);
+    }
+
+    /// The weights of `N` taps, added to `sum` and kept.
+    #[inline(always)]
+    fn weigh_each<const ALBEDO: bool, const NORMAL: bool, const VISIBILITY: bool, const N: usize>(
+        &self,
+        taps: &[Tap; N],
+        widths: &[S::F; BANDWIDTH_COUNT],
+        sum: &mut S::F,
+        weights: &mut [f32],
+    ) {
+        let s = self.s;
+        let takes_part = [ALBEDO, NORMAL, VISIBILITY, true, true];
+        let mut exponents = [s.zero(); N];
+        for (tap, exponent) in taps.iter().zip(&mut exponents) {
+            let d = self.distances(tap);
+            *exponent = s.mul(widths[BANDWIDTH_COUNT - 1], s.load(&d[(BANDWIDTH_COUNT - 1) * LENGTH..]));
+            for m in 0..BANDWIDTH_COUNT - 1 {
+                if takes_part[m] {
+                    *exponent = s.fma(widths[m], s.load(&d[m * LENGTH..]), *exponent);
                 }
             }
         }
-        store_vectors(s, sums, DISTANCE_SUMS, distances);
-        for (m, moments) in moments.into_iter().enumerate() {
-            store_vectors(s, sums, MOMENTS + 3 * m, moments);
+        let mut w = s.exp2_each(exponents);
+        for (tap, w) in taps.iter().zip(&mut w) {
+            if self.masked {
+                *w = s.mul(*w, s.load(&self.at(tap)[FEATURE_CHANNELS * PITCH..]));
+            }
+            *sum = s.add(*sum, *w);
         }
+        store_vectors(s, weights, 0, w);
     }
-}
 
-/// First channels of the features that have slopes, in the order of the slopes.
-const SLOPED: [usize; 3] = [DENOISED, ALBEDO, NORMAL];
-
-/// Features of the pixels themselves.
-struct Centre<S: Simd> {
-    sloped: [[S::F; 3]; 3],
-    visibility: S::F,
-}
-
-/// The forward sums.
-struct Terms<S: Simd> {
-    weight: S::F,
-    radiance: [S::F; 3],
-    slopes: [[S::F; 3]; 3],
-}
-
-impl<S: Simd> Terms<S> {
+    /// Adds Σw y_i and Σw x_i of taps whose weights are there.
     #[inline(always)]
-    fn load(s: S, sums: &[f32]) -> Self {
-        let slopes = |f: usize| load_vectors(s, sums, SLOPE_SUMS + 3 * f);
-        Self {
-            weight: s.load(&sums[WEIGHT * S::LANES..]),
-            radiance: load_vectors(s, sums, RADIANCE_SUMS),
-            slopes: [slopes(0), slopes(1), slopes(2)],
+    fn add_values<const ALBEDO: bool, const NORMAL: bool>(&self, taps: &[Tap], sums: &mut [f32], weights: &Weights) {
+        let s = self.s;
+        let takes_part = [true, true, ALBEDO, NORMAL];
+        let mut terms = [[s.zero(); 3]; VALUES.len()];
+        for (f, terms) in terms.iter_mut().enumerate() {
+            *terms = load_vectors(s, sums, RADIANCE_SUMS + 3 * f);
+        }
+        for (tap, weight) in taps.iter().zip(weights.of_taps.chunks_exact(S::LANES)) {
+            let (w, at) = (s.load(weight), self.at(tap));
+            for (f, terms) in terms.iter_mut().enumerate() {
+                if takes_part[f] {
+                    for (k, term) in terms.iter_mut().enumerate() {
+                        *term = s.fma(w, s.load(&at[(VALUES[f] + k) * PITCH..]), *term);
+                    }
+                }
+            }
+        }
+        for (f, terms) in terms.into_iter().enumerate() {
+            store_vectors(s, sums, RADIANCE_SUMS + 3 * f, terms);
         }
     }
 
+    /// The same, and Σw d_m and Σw d_m (u_i - z_c): first w d_m, then channel by channel what it is multiplied by.
     #[inline(always)]
-    fn store(self, s: S, sums: &mut [f32]) {
-        s.store(&mut sums[WEIGHT * S::LANES..], self.weight);
-        store_vectors(s, sums, RADIANCE_SUMS, self.radiance);
-        for (f, slopes) in self.slopes.into_iter().enumerate() {
-            store_vectors(s, sums, SLOPE_SUMS + 3 * f, slopes);
+    fn add_moments<const ALBEDO: bool, const NORMAL: bool, const VISIBILITY: bool>(
+        &self,
+        taps: &[Tap],
+        sums: &mut [f32],
+        weights: &mut Weights,
+    ) {
+        let s = self.s;
+        let of_tap = BANDWIDTH_COUNT * S::LANES;
+        let distances_take_part = [ALBEDO, NORMAL, VISIBILITY, true, true];
+        let Weights { of_taps, distances } = weights;
+        let mut total: [S::F; BANDWIDTH_COUNT] = load_vectors(s, sums, DISTANCE_SUMS);
+        for ((tap, weight), weighted) in
+            taps.iter().zip(of_taps.chunks_exact(S::LANES)).zip(distances.chunks_exact_mut(of_tap))
+        {
+            let (w, d) = (s.load(weight), self.distances(tap));
+            for m in 0..BANDWIDTH_COUNT {
+                if distances_take_part[m] {
+                    let wd = s.mul(w, s.load(&d[m * LENGTH..]));
+                    total[m] = s.add(total[m], wd);
+                    s.store(&mut weighted[m * S::LANES..], wd);
+                }
+            }
+        }
+        store_vectors(s, sums, DISTANCE_SUMS, total);
+        let takes_part = [true, ALBEDO, NORMAL];
+        for k in 0..3 {
+            let sum_of = |f: usize| (SLOPED_SUMS + 3 * f + k) * S::LANES;
+            let moment_of = |m: usize| (MOMENTS + 3 * m + k) * S::LANES;
+            let mut radiance = s.load(&sums[(RADIANCE_SUMS + k) * S::LANES..]);
+            let mut sloped = [s.zero(); 3];
+            let mut minus_slopes = [s.zero(); 3];
+            for f in 0..3 {
+                sloped[f] = s.load(&sums[sum_of(f)..]);
+                minus_slopes[f] = s.load(&sums[(MINUS_SLOPES + 3 * f + k) * S::LANES..]);
+            }
+            let mut moments = [s.zero(); BANDWIDTH_COUNT];
+            for (m, moment) in moments.iter_mut().enumerate() {
+                *moment = s.load(&sums[moment_of(m)..]);
+            }
+            let offset = s.load(&sums[(OFFSETS + k) * S::LANES..]);
+            for ((tap, weight), weighted) in
+                taps.iter().zip(of_taps.chunks_exact(S::LANES)).zip(distances.chunks_exact(of_tap))
+            {
+                let (w, at) = (s.load(weight), self.at(tap));
+                let y_i = s.load(&at[(RADIANCE + k) * PITCH..]);
+                radiance = s.fma(w, y_i, radiance);
+                let mut u = s.add(y_i, offset);
+                for f in 0..3 {
+                    if takes_part[f] {
+                        let x_i = s.load(&at[(SLOPED[f] + k) * PITCH..]);
+                        sloped[f] = s.fma(w, x_i, sloped[f]);
+                        u = s.fma(minus_slopes[f], x_i, u);
+                    }
+                }
+                for m in 0..BANDWIDTH_COUNT {
+                    if distances_take_part[m] {
+                        moments[m] = s.fma(s.load(&weighted[m * S::LANES..]), u, moments[m]);
+                    }
+                }
+            }
+            s.store(&mut sums[(RADIANCE_SUMS + k) * S::LANES..], radiance);
+            for f in 0..3 {
+                s.store(&mut sums[sum_of(f)..], sloped[f]);
+            }
+            for m in 0..BANDWIDTH_COUNT {
+                s.store(&mut sums[moment_of(m)..], moments[m]);
+            }
         }
     }
 }
+
+/// First channels of what is averaged: y, and what has slopes.
+const VALUES: [usize; 4] = [RADIANCE, DENOISED, ALBEDO, NORMAL];

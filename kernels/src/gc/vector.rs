@@ -6,9 +6,10 @@ use crate::simd::Simd;
 /// `N` vectors, the first of them `first` vectors after the start of `from`.
 #[inline(always)]
 pub(super) fn load_vectors<S: Simd, const N: usize>(s: S, from: &[f32], first: usize) -> [S::F; N] {
+    let from = &from[first * S::LANES..][..N * S::LANES];
     let mut values = [s.zero(); N];
     for (i, v) in values.iter_mut().enumerate() {
-        *v = s.load(&from[(first + i) * S::LANES..]);
+        *v = s.load(&from[i * S::LANES..]);
     }
     values
 }
@@ -16,8 +17,9 @@ pub(super) fn load_vectors<S: Simd, const N: usize>(s: S, from: &[f32], first: u
 /// Writes vectors, the first of them `first` vectors after the start of `to`.
 #[inline(always)]
 pub(super) fn store_vectors<S: Simd, const N: usize>(s: S, to: &mut [f32], first: usize, values: [S::F; N]) {
+    let to = &mut to[first * S::LANES..][..N * S::LANES];
     for (i, v) in values.into_iter().enumerate() {
-        s.store(&mut to[(first + i) * S::LANES..], v);
+        s.store(&mut to[i * S::LANES..], v);
     }
 }
 
@@ -50,12 +52,4 @@ pub(super) fn squared<S: Simd>(s: S, d: &[S::F; 3]) -> S::F {
 #[inline(always)]
 pub(super) fn scaled<S: Simd>(s: S, a: &[S::F; 3], factor: S::F) -> [S::F; 3] {
     [s.mul(a[0], factor), s.mul(a[1], factor), s.mul(a[2], factor)]
-}
-
-/// Adds `weight` times the values to the sums.
-#[inline(always)]
-pub(super) fn accumulate<S: Simd>(s: S, sums: &mut [S::F; 3], weight: S::F, values: &[S::F; 3]) {
-    for (sum, value) in sums.iter_mut().zip(values) {
-        *sum = s.fma(weight, *value, *sum);
-    }
 }

@@ -6,6 +6,7 @@
 //! in [`oracle`].
 
 mod conv;
+mod minimal_filtering;
 pub mod oracle;
 mod planes;
 mod rows;

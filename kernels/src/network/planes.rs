@@ -7,7 +7,9 @@ use crate::simd::MAX_LANES;
 use std::ops::Range;
 
 /// Zeros to the left of every row; the vector loads at x - 1 land here.
-const LEFT: usize = 8;
+pub(super) const LEFT: usize = 8;
+/// Rows that the convolutions of a tile compute together.
+pub(super) const GROUP: usize = 4;
 
 /// Sizes of a padded plane of `height` x `width` pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,9 +25,14 @@ impl Geometry {
         Self { height, width, stride: width.next_multiple_of(MAX_LANES) + 2 * LEFT }
     }
 
-    /// Floats of one plane, with a row of zeros above and below.
+    /// Groups of rows, the last one filled up with zeros.
+    pub fn groups(&self) -> usize {
+        self.height.div_ceil(GROUP)
+    }
+
+    /// Floats of one plane of whole groups, with a row of zeros above and below.
     pub fn plane(&self) -> usize {
-        (self.height + 2) * self.stride
+        (self.groups() * GROUP + 2) * self.stride
     }
 
     /// Where pixel (y, 0) lies in its plane.
@@ -69,10 +76,10 @@ impl Planes {
     }
 }
 
-/// Some rows of all sixteen planes, to be written.
+/// Some groups of rows of all sixteen planes, to be written.
 pub(super) struct Band<'a> {
-    /// The rows.
-    pub rows: Range<usize>,
+    /// The groups.
+    pub groups: Range<usize>,
     /// Each plane from the beginning of the first row to the end of the last, zeros at their sides included.
     pub channels: [&'a mut [f32]; MAX_CHANNELS],
 }
@@ -81,24 +88,34 @@ impl Band<'_> {
     /// Where pixel (y, 0) lies in a channel.
     #[inline(always)]
     pub fn row(&self, geometry: Geometry, y: usize) -> usize {
-        (y - self.rows.start) * geometry.stride + LEFT
+        (y - self.groups.start * GROUP) * geometry.stride + LEFT
+    }
+
+    /// Zeros right of the picture up to column `end`, and below it, in the rows of a group.
+    #[inline(always)]
+    pub fn clear_outside(&mut self, geometry: Geometry, group: usize, end: usize) {
+        for y in group * GROUP..(group + 1) * GROUP {
+            let (at, inside) = (self.row(geometry, y), if y < geometry.height { geometry.width } else { 0 });
+            for channel in &mut self.channels {
+                channel[at + inside..at + end].fill(0.0);
+            }
+        }
     }
 }
 
 impl Planes {
-    /// The rows of sixteen planes in at most `parts` bands.
+    /// The groups of rows of sixteen planes in at most `parts` bands.
     pub fn bands(&mut self, parts: usize) -> Vec<Band<'_>> {
         let g = self.geometry;
-        let ranges = in_parts(g.height, parts);
-        let mut bands: Vec<Band> = ranges
+        let mut bands: Vec<Band> = in_parts(g.groups(), parts)
             .into_iter()
-            .map(|rows| Band { rows, channels: std::array::from_fn(|_| Default::default()) })
+            .map(|groups| Band { groups, channels: std::array::from_fn(|_| Default::default()) })
             .collect();
         for (c, plane) in self.data.chunks_exact_mut(g.plane()).enumerate().take(MAX_CHANNELS) {
             // Without the row of zeros above.
             let mut rest = &mut plane[g.stride..];
             for band in &mut bands {
-                let (own, below) = rest.split_at_mut(band.rows.len() * g.stride);
+                let (own, below) = rest.split_at_mut(band.groups.len() * GROUP * g.stride);
                 band.channels[c] = own;
                 rest = below;
             }

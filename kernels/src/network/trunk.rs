@@ -1,6 +1,6 @@
 //! The whole network over one tile: forward with saved activations, and backward.
 
-use super::conv::{Finish, Packed, convolve, weight_gradient};
+use super::minimal_filtering::{Finish, Packed, Room, convolve, weight_gradient};
 use super::planes::{Geometry, Planes};
 use super::{MAX_CHANNELS, Shape, layer};
 use crate::features::FEATURE_CHANNELS;
@@ -32,13 +32,19 @@ impl TilePlanes {
     }
 }
 
-/// What comes back through a tile: the gradient of a layer's output, and that of its input.
-pub struct GradientPlanes([Planes; 2]);
+/// What comes back through a tile: the gradient of a layer's output, and that of its input; and room to make that of its
+/// weights.
+pub struct GradientPlanes {
+    outputs: Planes,
+    inputs: Planes,
+    room: Room,
+}
 
 impl GradientPlanes {
     /// Planes for the tile.
     pub fn of(tile: &TilePlanes) -> Self {
-        Self([0, 1].map(|_| Planes::zeros(tile.geometry(), MAX_CHANNELS)))
+        let planes = || Planes::zeros(tile.geometry(), MAX_CHANNELS);
+        Self { outputs: planes(), inputs: planes(), room: Room::of_tile(tile.geometry()) }
     }
 }
 
@@ -86,14 +92,14 @@ impl PackedNetwork {
     /// Adds the gradient of the flat weights to `gradient`, given that of [`Self::forward`]'s
     /// outputs for this tile.
     pub fn backward(&self, tile: &TilePlanes, back: &mut GradientPlanes, upstream: &[f32], gradient: &mut [f32]) {
-        let [current, next] = &mut back.0;
+        let GradientPlanes { outputs: current, inputs: next, room } = back;
         current.fill(upstream);
         for l in (0..self.shape.layers).rev() {
             let (inputs, outputs) = self.shape.channels(l);
             let start = self.shape.layer_start(l);
             let slot = &mut gradient[start..start + self.shape.layer_len(l)];
             let (isa, parts) = (self.isa, self.parts);
-            weight_gradient(isa, &tile.0[l], inputs, current, outputs, slot, parts);
+            weight_gradient(isa, &tile.0[l], inputs, current, outputs, room, slot, parts);
             if l > 0 {
                 convolve(isa, current, &self.transposed[l - 1], Finish::MaskedBy(&tile.0[l]), next, parts);
                 std::mem::swap(current, next);

@@ -112,21 +112,48 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// 2^x; arguments below -126 give 2^-126.
     #[inline(always)]
     fn exp2(self, x: Self::F) -> Self::F {
-        let x = self.max(x, self.splat(-126.0));
-        let n = self.round(x);
-        self.scale(polynomial(self, &EXP2, self.sub(x, n)), n)
+        self.exp2_each([x])[0]
+    }
+
+    /// 2^x of several vectors, step by step for all of them: one alone would be a chain in which each step waits for the one before.
+    #[inline(always)]
+    fn exp2_each<const N: usize>(self, mut x: [Self::F; N]) -> [Self::F; N] {
+        let mut n = x;
+        for (x, n) in x.iter_mut().zip(&mut n) {
+            *x = self.max(*x, self.splat(-126.0));
+            *n = self.round(*x);
+            *x = self.sub(*x, *n);
+        }
+        let mut powers = polynomials(self, &EXP2, &x);
+        for (power, n) in powers.iter_mut().zip(n) {
+            *power = self.scale(*power, n);
+        }
+        powers
     }
 
     /// log2(1 + x) for x >= 0, exact to the last bits near 0 as well.
     #[inline(always)]
     fn log2_1p(self, x: Self::F) -> Self::F {
+        self.log2_1p_each([x])[0]
+    }
+
+    /// log2(1 + x) of several vectors.
+    #[inline(always)]
+    fn log2_1p_each<const N: usize>(self, mut x: [Self::F; N]) -> [Self::F; N] {
         let one = self.splat(1.0);
         // (1 + x) / 2^e in [sqrt(1/2), sqrt(2)).
         let root = self.splat(std::f32::consts::SQRT_2);
-        let (e, inverse) = self.exponent(self.fma(x, root, root));
-        // (1 + x) / 2^e - 1 without rounding 1 + x first.
-        let t = self.fma(x, inverse, self.sub(inverse, one));
-        self.fma(t, polynomial(self, &LOG2_1P, t), e)
+        let mut exponents = x;
+        for (x, exponent) in x.iter_mut().zip(&mut exponents) {
+            let (e, inverse) = self.exponent(self.fma(*x, root, root));
+            // (1 + x) / 2^e - 1 without rounding 1 + x first.
+            (*x, *exponent) = (self.fma(*x, inverse, self.sub(inverse, one)), e);
+        }
+        let mut logarithms = polynomials(self, &LOG2_1P, &x);
+        for ((logarithm, t), e) in logarithms.iter_mut().zip(x).zip(exponents) {
+            *logarithm = self.fma(t, *logarithm, e);
+        }
+        logarithms
     }
 }
 
@@ -136,13 +163,16 @@ const EXP2: [f32; 6] = [1.0, 0.693_146_94, 0.240_221_2, 0.055_507_13, 0.009_675_
 const LOG2_1P: [f32; 8] =
     [1.442_694_9, -0.721_352_8, 0.480_923_24, -0.360_239_62, 0.287_098_7, -0.248_876_88, 0.234_042_3, -0.145_811_51];
 
+/// Of each vector, by Horner's rule.
 #[inline(always)]
-fn polynomial<S: Simd>(s: S, coefficients: &[f32], x: S::F) -> S::F {
-    let mut value = s.splat(coefficients[coefficients.len() - 1]);
+fn polynomials<S: Simd, const N: usize>(s: S, coefficients: &[f32], x: &[S::F; N]) -> [S::F; N] {
+    let mut values = [s.splat(coefficients[coefficients.len() - 1]); N];
     for &c in coefficients.iter().rev().skip(1) {
-        value = s.fma(value, x, s.splat(c));
+        for (value, x) in values.iter_mut().zip(x) {
+            *value = s.fma(*value, *x, s.splat(c));
+        }
     }
-    value
+    values
 }
 
 #[cfg(test)]
