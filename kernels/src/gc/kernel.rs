@@ -13,8 +13,9 @@
 use super::from_sums::{Complete, MAX_PARAMETERS};
 use super::pair_distances::{Distances, RowTaps};
 use super::strip::{Rows, STRIP, at_column};
-use super::tap_sums::{Sums, TapRow, Weights, begin};
+use super::tap_sums::{Sums, TapRow, begin, weights};
 use super::{Correction, ParameterPlanes};
+use crate::aligned::Aligned;
 use crate::region::Region;
 use crate::simd::{Kernel, Simd};
 
@@ -58,7 +59,7 @@ impl<U: Upstream> Kernel for Correct<'_, U> {
             rows: Rows::new(radius),
             sums: Sums::new(radius, U::NEEDED),
             distances: Distances::new(radius),
-            weights: Weights::new(),
+            weights: weights(),
         };
         for left in (0..self.of.region.width).step_by(STRIP) {
             let width = STRIP.min(self.of.region.width - left);
@@ -73,7 +74,7 @@ struct Work {
     rows: Rows,
     sums: Sums,
     distances: Distances,
-    weights: Weights,
+    weights: Aligned,
 }
 
 impl<U: Upstream> Correct<'_, U> {

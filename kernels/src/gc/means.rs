@@ -7,7 +7,7 @@ use super::from_sums::MAX_PARAMETERS;
 use super::kernel::{load_parameters, store_planes};
 use super::pair_distances::{Distances, RowTaps};
 use super::strip::{LEFT, PITCH, Rows, STRIP, at_column};
-use super::tap_sums::{Sums, TapRow, WEIGHT, Weights, begin};
+use super::tap_sums::{Sums, TapRow, WEIGHT, begin, weights};
 use super::{Correction, WEIGHT_FLOOR};
 use crate::aligned::Aligned;
 use crate::features::FEATURE_CHANNELS;
@@ -34,7 +34,7 @@ struct Work {
     planes: PlaneRows,
     sums: Sums,
     distances: Distances,
-    weights: Weights,
+    weights: Aligned,
 }
 
 impl Kernel for Means<'_> {
@@ -50,7 +50,7 @@ impl Kernel for Means<'_> {
             planes: PlaneRows::new(radius, count),
             sums: Sums::of_vectors(radius, PLANE_SUMS + count),
             distances: Distances::new(radius),
-            weights: Weights::new(),
+            weights: weights(),
         };
         for left in (0..self.of.region.width).step_by(STRIP) {
             let width = STRIP.min(self.of.region.width - left);
@@ -82,7 +82,8 @@ impl Means<'_> {
                 let lower = upper + row.dy;
                 let ends = [rows.row(upper), rows.row(lower)];
                 distances.compute(s, set, row, ends, [inside(upper), inside(lower)], width);
-                for (y, of_taps, taps, other) in [(lower, upper, &row.up, ends[0]), (upper, lower, &row.down, ends[1])] {
+                for (y, of_taps, taps, other) in [(lower, upper, &row.up, ends[0]), (upper, lower, &row.down, ends[1])]
+                {
                     for x in (0..width).step_by(S::LANES).take_while(|_| inside(y)) {
                         let tap_row = TapRow { s, set, masked, x, other, distances: distances.at_column(x) };
                         let sums = sums.at::<S>(y as usize, x);
@@ -91,7 +92,7 @@ impl Means<'_> {
                         for (chunk, sums) in sums[PLANE_SUMS * S::LANES..].chunks_mut(AT_ONCE * S::LANES).enumerate() {
                             let values = &values[chunk * AT_ONCE * PITCH..];
                             let columns = taps.iter().map(|tap| LEFT.strict_add_signed(x as isize + tap.dx));
-                            add(s, columns, weights.of_taps(), values, sums);
+                            add(s, columns, weights, values, sums);
                         }
                     }
                 }

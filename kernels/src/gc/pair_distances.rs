@@ -117,18 +117,24 @@ impl<S: Simd> PairOfRows<'_, S> {
         let Some(out) = out else { return };
         let mut x = self.range.start;
         while x < self.range.end {
-            let vectors = ((self.range.end - x) as usize).div_ceil(S::LANES);
-            x += match vectors {
-                AT_ONCE.. => self.fill_at::<M, AT_ONCE>(x, out),
-                2.. => self.fill_at::<M, 2>(x, out),
-                _ => self.fill_at::<M, 1>(x, out),
+            let vectors = match ((self.range.end - x) as usize).div_ceil(S::LANES) {
+                // Not one of four and one or two alone.
+                5 | 6 => 3,
+                left => left.min(AT_ONCE),
             };
+            match vectors {
+                AT_ONCE => self.fill_at::<M, AT_ONCE>(x, out),
+                3 => self.fill_at::<M, 3>(x, out),
+                2 => self.fill_at::<M, 2>(x, out),
+                _ => self.fill_at::<M, 1>(x, out),
+            }
+            x += (vectors * S::LANES) as isize;
         }
     }
 
-    /// `N` vectors from column x on; how many columns that is.
+    /// `N` vectors from column x on.
     #[inline(always)]
-    fn fill_at<const M: usize, const N: usize>(&self, x: isize, out: &mut [f32]) -> isize {
+    fn fill_at<const M: usize, const N: usize>(&self, x: isize, out: &mut [f32]) {
         let (s, column) = (self.s, x - self.right);
         let upper = at_columns::<S>(self.upper, column, N);
         let lower = at_columns::<S>(self.lower, column + self.dx, N);
@@ -147,7 +153,6 @@ impl<S: Simd> PairOfRows<'_, S> {
             };
         }
         store_vectors(s, &mut out[x as usize..], 0, if M < 3 { d } else { s.log2_1p_each(d) });
-        (N * S::LANES) as isize
     }
 }
 

@@ -90,23 +90,19 @@ const AT_ONCE: usize = 4;
 /// First channels of the features that have slopes, in the order of the slopes.
 pub(super) const SLOPED: [usize; 3] = [DENOISED, ALBEDO, NORMAL];
 
-/// w of the taps of a vector of pixels, and w d_m for each.
-pub(super) struct Weights {
-    of_taps: Aligned,
-    distances: Aligned,
-}
+// What a pass is compiled for, so that nothing is asked for every tap: the features that most frames have, and any set.
 
-impl Weights {
-    /// Room for all taps of a row.
-    pub(super) fn new() -> Self {
-        let zeros = |vectors: usize| Aligned::zeros((2 * MAX_RADIUS + 1) * vectors * MAX_LANES);
-        Self { of_taps: zeros(1), distances: zeros(BANDWIDTH_COUNT) }
-    }
+/// Albedo, normal and visibility.
+const ALL: u8 = 0;
+/// Albedo and normal.
+const NO_VISIBILITY: u8 = 1;
+/// Those of the set.
+const SOME: u8 = 2;
+const NO_VISIBILITY_SET: FeatureSet = FeatureSet { visibility: false, ..FeatureSet::ALL };
 
-    /// w, a vector for each tap.
-    pub(super) fn of_taps(&self) -> &[f32] {
-        &self.of_taps
-    }
+/// Room for w of the taps of a vector of pixels, a vector for each tap of a row.
+pub(super) fn weights() -> Aligned {
+    Aligned::zeros((2 * MAX_RADIUS + 1) * MAX_LANES)
 }
 
 /// One vector of pixels and the row in which its taps lie.
@@ -126,46 +122,57 @@ pub(super) struct TapRow<'a, S> {
 impl<S: Simd> TapRow<'_, S> {
     /// Adds the taps to the sums.
     #[inline(always)]
-    pub(super) fn add(&self, taps: &[Tap], sums: &mut [f32], weights: &mut Weights) {
+    pub(super) fn add(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
         self.add_weights(taps, sums, weights);
         match (self.set.albedo, self.set.normal) {
-            (true, true) => self.add_values::<true, true>(taps, sums, weights),
-            (true, false) => self.add_values::<true, false>(taps, sums, weights),
-            (false, true) => self.add_values::<false, true>(taps, sums, weights),
-            (false, false) => self.add_values::<false, false>(taps, sums, weights),
+            (true, true) => self.add_values::<ALL>(taps, sums, weights),
+            _ => self.add_values::<SOME>(taps, sums, weights),
         }
     }
 
     /// Adds the taps to the sums, those for the gradient too.
     #[inline(always)]
-    pub(super) fn add_for_gradient(&self, taps: &[Tap], sums: &mut [f32], weights: &mut Weights) {
-        self.add_weights(taps, sums, weights);
-        let FeatureSet { albedo, normal, visibility } = self.set;
-        match (albedo, normal, visibility) {
-            (true, true, true) => self.add_moments::<true, true, true>(taps, sums, weights),
-            (true, true, false) => self.add_moments::<true, true, false>(taps, sums, weights),
-            (true, false, true) => self.add_moments::<true, false, true>(taps, sums, weights),
-            (true, false, false) => self.add_moments::<true, false, false>(taps, sums, weights),
-            (false, true, true) => self.add_moments::<false, true, true>(taps, sums, weights),
-            (false, true, false) => self.add_moments::<false, true, false>(taps, sums, weights),
-            (false, false, true) => self.add_moments::<false, false, true>(taps, sums, weights),
-            (false, false, false) => self.add_moments::<false, false, false>(taps, sums, weights),
+    pub(super) fn add_for_gradient(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
+        self.weigh::<true>(taps, sums, weights);
+        match self.set {
+            FeatureSet::ALL => self.add_moments::<ALL>(taps, sums, weights),
+            NO_VISIBILITY_SET => self.add_moments::<NO_VISIBILITY>(taps, sums, weights),
+            _ => self.add_moments::<SOME>(taps, sums, weights),
         }
     }
 
     /// Adds the taps' weights to Σw and keeps them.
     #[inline(always)]
-    pub(super) fn add_weights(&self, taps: &[Tap], sums: &mut [f32], weights: &mut Weights) {
-        let FeatureSet { albedo, normal, visibility } = self.set;
-        match (albedo, normal, visibility) {
-            (true, true, true) => self.weigh::<true, true, true>(taps, sums, weights),
-            (true, true, false) => self.weigh::<true, true, false>(taps, sums, weights),
-            (true, false, true) => self.weigh::<true, false, true>(taps, sums, weights),
-            (true, false, false) => self.weigh::<true, false, false>(taps, sums, weights),
-            (false, true, true) => self.weigh::<false, true, true>(taps, sums, weights),
-            (false, true, false) => self.weigh::<false, true, false>(taps, sums, weights),
-            (false, false, true) => self.weigh::<false, false, true>(taps, sums, weights),
-            (false, false, false) => self.weigh::<false, false, false>(taps, sums, weights),
+    pub(super) fn add_weights(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
+        self.weigh::<false>(taps, sums, weights);
+    }
+
+    /// The same, and Σw d_m for a gradient.
+    #[inline(always)]
+    fn weigh<const GRADIENT: bool>(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
+        match self.set {
+            FeatureSet::ALL => self.weigh_with::<ALL, GRADIENT>(taps, sums, weights),
+            NO_VISIBILITY_SET => self.weigh_with::<NO_VISIBILITY, GRADIENT>(taps, sums, weights),
+            _ => self.weigh_with::<SOME, GRADIENT>(taps, sums, weights),
+        }
+    }
+
+    /// Whether y, z, ρ and n take part.
+    #[inline(always)]
+    fn values_take_part<const FEATURES: u8>(&self) -> [bool; VALUES.len()] {
+        match FEATURES {
+            SOME => [true, true, self.set.albedo, self.set.normal],
+            _ => [true; VALUES.len()],
+        }
+    }
+
+    /// Whether the distances of ρ, n, v, y and z take part.
+    #[inline(always)]
+    fn distances_take_part<const FEATURES: u8>(&self) -> [bool; BANDWIDTH_COUNT] {
+        match FEATURES {
+            ALL => [true; BANDWIDTH_COUNT],
+            NO_VISIBILITY => [true, true, false, true, true],
+            _ => [self.set.albedo, self.set.normal, self.set.visibility, true, true],
         }
     }
 
@@ -182,40 +189,47 @@ impl<S: Simd> TapRow<'_, S> {
     }
 
     #[inline(always)]
-    fn weigh<const ALBEDO: bool, const NORMAL: bool, const VISIBILITY: bool>(
+    fn weigh_with<const FEATURES: u8, const GRADIENT: bool>(
         &self,
         taps: &[Tap],
         sums: &mut [f32],
-        weights: &mut Weights,
+        weights: &mut [f32],
     ) {
         let s = self.s;
         let widths: [S::F; BANDWIDTH_COUNT] = load_vectors(s, sums, WIDTHS);
         let mut sum = s.load(&sums[WEIGHT * S::LANES..]);
+        let mut of_distances = [s.zero(); BANDWIDTH_COUNT];
+        if GRADIENT {
+            of_distances = load_vectors(s, sums, DISTANCE_SUMS);
+        }
+        let totals = (&mut sum, &mut of_distances);
         let (several, rest) = taps.as_chunks::<AT_ONCE>();
-        let (of_several, of_rest) = weights.of_taps.split_at_mut(several.len() * AT_ONCE * S::LANES);
+        let (of_several, of_rest) = weights.split_at_mut(several.len() * AT_ONCE * S::LANES);
         for (taps, weights) in several.iter().zip(of_several.chunks_exact_mut(AT_ONCE * S::LANES)) {
-            self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, AT_ONCE>(taps, &widths, &mut sum, weights);
+            self.weigh_each::<FEATURES, GRADIENT, AT_ONCE>(taps, &widths, (&mut *totals.0, &mut *totals.1), weights);
         }
         match *rest {
-            [a, b, c] => self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, 3>(&[a, b, c], &widths, &mut sum, of_rest),
-            [a, b] => self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, 2>(&[a, b], &widths, &mut sum, of_rest),
-            [a] => self.weigh_each::<ALBEDO, NORMAL, VISIBILITY, 1>(&[a], &widths, &mut sum, of_rest),
+            [a, b, c] => self.weigh_each::<FEATURES, GRADIENT, 3>(&[a, b, c], &widths, totals, of_rest),
+            [a, b] => self.weigh_each::<FEATURES, GRADIENT, 2>(&[a, b], &widths, totals, of_rest),
+            [a] => self.weigh_each::<FEATURES, GRADIENT, 1>(&[a], &widths, totals, of_rest),
             _ => (),
         }
         s.store(&mut sums[WEIGHT * S::LANES..], sum);
+        if GRADIENT {
+            store_vectors(s, sums, DISTANCE_SUMS, of_distances);
+        }
     }
 
-    /// The weights of `N` taps, added to `sum` and kept.
+    /// The weights of `N` taps, added to Σw and Σw d_m and kept.
     #[inline(always)]
-    fn weigh_each<const ALBEDO: bool, const NORMAL: bool, const VISIBILITY: bool, const N: usize>(
+    fn weigh_each<const FEATURES: u8, const GRADIENT: bool, const N: usize>(
         &self,
         taps: &[Tap; N],
         widths: &[S::F; BANDWIDTH_COUNT],
-        sum: &mut S::F,
+        (sum, of_distances): (&mut S::F, &mut [S::F; BANDWIDTH_COUNT]),
         weights: &mut [f32],
     ) {
-        let s = self.s;
-        let takes_part = [ALBEDO, NORMAL, VISIBILITY, true, true];
+        let (s, takes_part) = (self.s, self.distances_take_part::<FEATURES>());
         let mut exponents = [s.zero(); N];
         for (tap, exponent) in taps.iter().zip(&mut exponents) {
             let d = self.distances(tap);
@@ -234,18 +248,25 @@ impl<S: Simd> TapRow<'_, S> {
             *sum = s.add(*sum, *w);
         }
         store_vectors(s, weights, 0, w);
+        for (tap, w) in taps.iter().zip(w).take(if GRADIENT { N } else { 0 }) {
+            let d = self.distances(tap);
+            for m in 0..BANDWIDTH_COUNT {
+                if takes_part[m] {
+                    of_distances[m] = s.fma(w, s.load(&d[m * LENGTH..]), of_distances[m]);
+                }
+            }
+        }
     }
 
     /// Adds Σw y_i and Σw x_i of taps whose weights are there.
     #[inline(always)]
-    fn add_values<const ALBEDO: bool, const NORMAL: bool>(&self, taps: &[Tap], sums: &mut [f32], weights: &Weights) {
-        let s = self.s;
-        let takes_part = [true, true, ALBEDO, NORMAL];
+    fn add_values<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], weights: &[f32]) {
+        let (s, takes_part) = (self.s, self.values_take_part::<FEATURES>());
         let mut terms = [[s.zero(); 3]; VALUES.len()];
         for (f, terms) in terms.iter_mut().enumerate() {
             *terms = load_vectors(s, sums, RADIANCE_SUMS + 3 * f);
         }
-        for (tap, weight) in taps.iter().zip(weights.of_taps.chunks_exact(S::LANES)) {
+        for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
             let (w, at) = (s.load(weight), self.at(tap));
             for (f, terms) in terms.iter_mut().enumerate() {
                 if takes_part[f] {
@@ -260,33 +281,12 @@ impl<S: Simd> TapRow<'_, S> {
         }
     }
 
-    /// The same, and Σw d_m and Σw d_m (u_i - z_c): first w d_m, then channel by channel what it is multiplied by.
+    /// The same, and Σw d_m (u_i - z_c), channel by channel.
     #[inline(always)]
-    fn add_moments<const ALBEDO: bool, const NORMAL: bool, const VISIBILITY: bool>(
-        &self,
-        taps: &[Tap],
-        sums: &mut [f32],
-        weights: &mut Weights,
-    ) {
+    fn add_moments<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], weights: &[f32]) {
         let s = self.s;
-        let of_tap = BANDWIDTH_COUNT * S::LANES;
-        let distances_take_part = [ALBEDO, NORMAL, VISIBILITY, true, true];
-        let Weights { of_taps, distances } = weights;
-        let mut total: [S::F; BANDWIDTH_COUNT] = load_vectors(s, sums, DISTANCE_SUMS);
-        for ((tap, weight), weighted) in
-            taps.iter().zip(of_taps.chunks_exact(S::LANES)).zip(distances.chunks_exact_mut(of_tap))
-        {
-            let (w, d) = (s.load(weight), self.distances(tap));
-            for m in 0..BANDWIDTH_COUNT {
-                if distances_take_part[m] {
-                    let wd = s.mul(w, s.load(&d[m * LENGTH..]));
-                    total[m] = s.add(total[m], wd);
-                    s.store(&mut weighted[m * S::LANES..], wd);
-                }
-            }
-        }
-        store_vectors(s, sums, DISTANCE_SUMS, total);
-        let takes_part = [true, ALBEDO, NORMAL];
+        let distances_take_part = self.distances_take_part::<FEATURES>();
+        let [_, sloped_take_part @ ..] = self.values_take_part::<FEATURES>();
         for k in 0..3 {
             let sum_of = |f: usize| (SLOPED_SUMS + 3 * f + k) * S::LANES;
             let moment_of = |m: usize| (MOMENTS + 3 * m + k) * S::LANES;
@@ -302,23 +302,22 @@ impl<S: Simd> TapRow<'_, S> {
                 *moment = s.load(&sums[moment_of(m)..]);
             }
             let offset = s.load(&sums[(OFFSETS + k) * S::LANES..]);
-            for ((tap, weight), weighted) in
-                taps.iter().zip(of_taps.chunks_exact(S::LANES)).zip(distances.chunks_exact(of_tap))
-            {
-                let (w, at) = (s.load(weight), self.at(tap));
+            for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
+                let (w, at, d) = (s.load(weight), self.at(tap), self.distances(tap));
                 let y_i = s.load(&at[(RADIANCE + k) * PITCH..]);
                 radiance = s.fma(w, y_i, radiance);
                 let mut u = s.add(y_i, offset);
                 for f in 0..3 {
-                    if takes_part[f] {
+                    if sloped_take_part[f] {
                         let x_i = s.load(&at[(SLOPED[f] + k) * PITCH..]);
                         sloped[f] = s.fma(w, x_i, sloped[f]);
                         u = s.fma(minus_slopes[f], x_i, u);
                     }
                 }
+                let wu = s.mul(w, u);
                 for m in 0..BANDWIDTH_COUNT {
                     if distances_take_part[m] {
-                        moments[m] = s.fma(s.load(&weighted[m * S::LANES..]), u, moments[m]);
+                        moments[m] = s.fma(s.load(&d[m * LENGTH..]), wu, moments[m]);
                     }
                 }
             }

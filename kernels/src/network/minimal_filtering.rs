@@ -206,7 +206,10 @@ impl Points {
     fn take<S: Simd, T: AtPoints<ROWS>, const ROWS: usize>(&mut self, s: S, g: Geometry, source: &[f32], at: usize) {
         let (pitch, end) = (self.pitch(), g.width.next_multiple_of(S::LANES));
         let to = &mut self.data[at..];
-        assert!((ROWS - 1) * g.stride + end <= source.len() && (POINTS - 1) * pitch + end <= to.len(), "rows of a group");
+        assert!(
+            (ROWS - 1) * g.stride + end <= source.len() && (POINTS - 1) * pitch + end <= to.len(),
+            "rows of a group"
+        );
         for x in (0..g.width).step_by(S::LANES) {
             // SAFETY: x + LANES <= end, so loads and stores lie before the ends that were checked above.
             unsafe {
@@ -495,7 +498,9 @@ fn gradient_blocks<S: Simd, const OUTPUTS: usize>(s: S, work: &mut WeightGradien
                 }
             }
         }
-        for (o, i, column) in each(OUTPUTS.min(work.outputs - first), work.inputs).filter(|(_, i, _)| work.range.contains(i)) {
+        for (o, i, column) in
+            each(OUTPUTS.min(work.outputs - first), work.inputs).filter(|(_, i, _)| work.range.contains(i))
+        {
             let sums = std::array::from_fn(|m| {
                 s.load(&done[i * of_input + ((m * OUTPUTS + o) * KERNEL + column) * S::LANES..])
             });
