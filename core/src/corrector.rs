@@ -91,7 +91,7 @@ impl Jobs {
     pub fn new(height: usize, width: usize, threads: usize) -> Self {
         let wanted = 2 * threads.max(1);
         let share = height * width.div_ceil(STRIP) / wanted;
-        let rows = (share / BLOCK_ROWS).clamp(1, 4) * BLOCK_ROWS;
+        let rows = (share / BLOCK_ROWS).clamp(1, 8) * BLOCK_ROWS;
         Self { rows, by_strips: height.div_ceil(rows) < wanted }
     }
 }

@@ -2,12 +2,11 @@
 
 use super::WEIGHT_FLOOR;
 use super::strip::PITCH;
-use super::tap_sums::{DISTANCE_SUMS, MOMENTS, RADIANCE_SUMS, SLOPED, SLOPED_SUMS, WEIGHT};
+use super::tap_sums::{DISTANCE_SUMS, MOMENTS, RADIANCE_SUMS, SLOPE_SUMS, WEIGHT};
 use super::vector::{difference, dot, load_vectors, load3, scaled};
 use crate::features::{DENOISED, FEATURE_CHANNELS, RADIANCE};
 use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, CENTRE, Form, GATE, SLOPE_COUNT, SLOPES};
 use crate::simd::Simd;
-use crate::windows::Windows;
 
 /// Parameters of the form that has most.
 pub(super) const MAX_PARAMETERS: usize = 16;
@@ -21,8 +20,6 @@ pub(super) struct Complete<'a, S: Simd> {
     /// 1 where a pixel counts, 0 where it is missing.
     valid: S::F,
     sums: &'a [f32],
-    /// Σw (x_c - x_i) in the order of the slopes.
-    slope_sums: [S::F; SLOPE_COUNT],
     /// 1 / max(Σw, floor).
     inverse: S::F,
     /// Σw is above its floor: 1, else 0.
@@ -33,36 +30,25 @@ pub(super) struct Complete<'a, S: Simd> {
 impl<'a, S: Simd> Complete<'a, S> {
     /// From the sums over the taps of the pixels with which the planes `centre` begin.
     #[inline(always)]
-    pub(super) fn new(
-        s: S,
-        parameters: [S::F; MAX_PARAMETERS],
-        windows: &Windows,
-        centre: &[f32],
-        sums: &'a [f32],
-    ) -> Self {
+    pub(super) fn new(s: S, parameters: [S::F; MAX_PARAMETERS], masked: bool, centre: &[f32], sums: &'a [f32]) -> Self {
         let y = load3(s, centre, RADIANCE);
-        let valid = if windows.masked() { s.load(&centre[FEATURE_CHANNELS * PITCH..]) } else { s.splat(1.0) };
+        let valid = if masked { s.load(&centre[FEATURE_CHANNELS * PITCH..]) } else { s.splat(1.0) };
         let w_c = s.mul(parameters[CENTRE], valid);
-        let of_taps = s.load(&sums[WEIGHT * S::LANES..]);
-        let weight = s.add(of_taps, w_c);
+        let weight = s.add(s.load(&sums[WEIGHT * S::LANES..]), w_c);
         let floor = s.splat(WEIGHT_FLOOR);
         let inverse = s.div(s.splat(1.0), s.max(weight, floor));
         let mut g: [S::F; 3] = load_vectors(s, sums, RADIANCE_SUMS);
         for k in 0..3 {
             g[k] = s.fma(w_c, y[k], g[k]);
         }
-        let mut slope_sums = [s.zero(); SLOPE_COUNT];
-        let takes_part = [true, windows.set().albedo, windows.set().normal];
-        for (f, k) in (0..3).flat_map(|f| (0..3).map(move |k| (f, k))).filter(|(f, _)| takes_part[*f]) {
-            let i = 3 * f + k;
-            let minus_sum = s.sub(s.zero(), s.load(&sums[(SLOPED_SUMS + i) * S::LANES..]));
-            slope_sums[i] = s.fma(of_taps, s.load(&centre[(SLOPED[f] + k) * PITCH..]), minus_sum);
-            g[k] = s.fma(parameters[SLOPES + i], slope_sums[i], g[k]);
+        for i in 0..SLOPE_COUNT {
+            let sum = s.load(&sums[(SLOPE_SUMS + i) * S::LANES..]);
+            g[i % 3] = s.fma(parameters[SLOPES + i], sum, g[i % 3]);
         }
         let g = scaled(s, &g, inverse);
         let free = s.where_positive(s.sub(weight, floor), s.splat(1.0));
         let z = load3(s, centre, DENOISED);
-        Self { s, parameters, y, z, valid, sums, slope_sums, inverse, free, g }
+        Self { s, parameters, y, z, valid, sums, inverse, free, g }
     }
 
     /// μ̂: z + s (g - z), or g in the paper's form.
@@ -88,7 +74,8 @@ impl<'a, S: Simd> Complete<'a, S> {
         // By the sums: G / Σw.
         let by_sum = scaled(s, &by_g, self.inverse);
         for i in 0..SLOPE_COUNT {
-            gradient[SLOPES + i] = s.mul(by_sum[i % 3], self.slope_sums[i]);
+            let sum = s.load(&self.sums[(SLOPE_SUMS + i) * S::LANES..]);
+            gradient[SLOPES + i] = s.mul(by_sum[i % 3], sum);
         }
         // A floored Σw no longer depends on the weights.
         let held = scaled(s, &self.g, self.free);

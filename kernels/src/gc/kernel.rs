@@ -6,8 +6,9 @@
 //! radius + 1 rows grow at the same time, and a row's is complete with the pairs of which it is the
 //! upper. Every pixel's taps come in the same order wherever the region's borders lie.
 //!
-//! Compute-bound: with AVX-512 about 45 vector operations per tap and 37 per pair, two per cycle, beside as many
-//! loads that straddle cache lines as fit. Only one pixel of a pair at a region's border is inside, so large
+//! Bound by arithmetic and loads alike: about 30 vector operations per tap, 65 with the gradient, and 60 per pair; a tap's
+//! loads lie anywhere, so with eight lanes two in five straddle cache lines. Polynomials are computed for several vectors at once
+//! ([`Simd::log2_1p_each`]), since one alone waits for itself. Only one pixel of a pair at a region's border is inside, so large
 //! regions cost least: 8 rows 10 to 15 % more per pixel than 32.
 
 use super::from_sums::{Complete, MAX_PARAMETERS};
@@ -95,9 +96,9 @@ impl<U: Upstream> Correct<'_, U> {
                 let lower = upper + row.dy;
                 let ends = [rows.row(upper), rows.row(lower)];
                 distances.compute(s, set, row, ends, [inside(upper), inside(lower)], width);
-                for (y, taps, other) in [(lower, &row.up, ends[0]), (upper, &row.down, ends[1])] {
+                for (y, taps, [own, other]) in [(lower, &row.up, [ends[1], ends[0]]), (upper, &row.down, ends)] {
                     for x in (0..width).step_by(S::LANES).take_while(|_| inside(y)) {
-                        let tap_row = TapRow { s, set, masked, x, other, distances: distances.at_column(x) };
+                        let tap_row = TapRow { s, set, masked, x, own, other, distances: distances.at_column(x) };
                         let sums = sums.at::<S>(y as usize, x);
                         if U::NEEDED {
                             tap_row.add_for_gradient(taps, sums, weights);
@@ -119,8 +120,7 @@ impl<U: Upstream> Correct<'_, U> {
         for x in (0..width).step_by(S::LANES) {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
-            let centre = at_column::<S>(work.rows.row(y as isize), x as isize);
-            begin(s, &p, U::NEEDED.then_some(centre), work.sums.at::<S>(y, x));
+            begin(s, &p, U::NEEDED, work.sums.at::<S>(y, x));
         }
     }
 
@@ -132,7 +132,7 @@ impl<U: Upstream> Correct<'_, U> {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
             let centre = at_column::<S>(work.rows.row(y as isize), x as isize);
-            let pixels = Complete::new(s, p, self.of.windows, centre, work.sums.at::<S>(y, x));
+            let pixels = Complete::new(s, p, self.of.windows.masked(), centre, work.sums.at::<S>(y, x));
             let corrected = pixels.corrected(form);
             let place = y * self.of.region.width + left + x;
             store_planes(s, self.out, plane, place, lanes, &corrected);

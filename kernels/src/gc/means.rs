@@ -82,10 +82,11 @@ impl Means<'_> {
                 let lower = upper + row.dy;
                 let ends = [rows.row(upper), rows.row(lower)];
                 distances.compute(s, set, row, ends, [inside(upper), inside(lower)], width);
-                for (y, of_taps, taps, other) in [(lower, upper, &row.up, ends[0]), (upper, lower, &row.down, ends[1])]
+                for (y, of_taps, taps, [own, other]) in
+                    [(lower, upper, &row.up, [ends[1], ends[0]]), (upper, lower, &row.down, ends)]
                 {
                     for x in (0..width).step_by(S::LANES).take_while(|_| inside(y)) {
-                        let tap_row = TapRow { s, set, masked, x, other, distances: distances.at_column(x) };
+                        let tap_row = TapRow { s, set, masked, x, own, other, distances: distances.at_column(x) };
                         let sums = sums.at::<S>(y as usize, x);
                         tap_row.add_weights(taps, sums, weights);
                         let values = planes.row(of_taps);
@@ -109,7 +110,7 @@ impl Means<'_> {
         for x in (0..width).step_by(S::LANES) {
             let lanes = S::LANES.min(width - x);
             let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
-            begin(s, &p, None, work.sums.at::<S>(y, x));
+            begin(s, &p, false, work.sums.at::<S>(y, x));
         }
     }
 

@@ -1,16 +1,18 @@
 //! The sums over taps: of a row of pixels, a vector at a time, over their taps in one other row.
 //!
-//! Forward these are Σw, Σw y_i and Σw x_i for x = z, ρ, n: slopes are constant over the window, so they multiply sums,
-//! not terms: Σw β(x_c - x_i) = β (x_c Σw - Σw x_i). For the gradient of the bandwidths Σw d_m (u_i - g) is needed, of which
-//! g is known only at the end: Σw d_m and Σw d_m (u_i - z_c) are added up for the five distances d_m, relative to z_c because
-//! that is near g.
+//! Forward these are Σw, Σw y_i and Σw (x_c - x_i) for x = z, ρ, n: slopes are constant over the
+//! window, so they multiply the sums, not the terms. (x_c Σw - Σw x_i would be cheaper, but the small difference of large sums is
+//! noise in dark places.) For the gradient of the bandwidths
+//! Σw d_m (u_i - g) is needed, of which g is known only at the end: Σw d_m and Σw d_m (u_i - z_c) are
+//! added up for the five distances d_m, relative to z_c because that is near g.
 //!
-//! Each pass over the taps keeps to the sixteen vectors that AVX2 has registers for, with one load for a value: what is in
-//! memory is read as an operand of the multiply-add that needs it.
+//! Passes over the taps of a row, one channel at a time, keep to the sixteen vectors that AVX2 has registers for. Each row's
+//! taps are added up by themselves first: sums of some twenty values, and then of some twenty rows, lose less than of four hundred
+//! in a row.
 
 use super::pair_distances::{LENGTH, Tap};
 use super::strip::{PITCH, Row, STRIP, at_column};
-use super::vector::{load_vectors, load3, store_vectors};
+use super::vector::{add_vectors, load_vectors, store_vectors};
 use crate::aligned::Aligned;
 use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, MAX_RADIUS, NORMAL, RADIANCE};
 use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, SLOPE_COUNT, SLOPES};
@@ -24,17 +26,15 @@ pub(super) const WIDTHS: usize = 0;
 pub(super) const WEIGHT: usize = WIDTHS + BANDWIDTH_COUNT;
 /// Σw y_i.
 pub(super) const RADIANCE_SUMS: usize = WEIGHT + 1;
-/// Σw x_i in the order of the slopes.
-pub(super) const SLOPED_SUMS: usize = RADIANCE_SUMS + 3;
-/// -β; from here on for a gradient only.
-const MINUS_SLOPES: usize = SLOPED_SUMS + SLOPE_COUNT;
-/// What of u_i - z_c is the same for all taps: Σ β x_c - z_c.
-const OFFSETS: usize = MINUS_SLOPES + SLOPE_COUNT;
+/// Σw (x_c - x_i) in the order of the slopes.
+pub(super) const SLOPE_SUMS: usize = RADIANCE_SUMS + 3;
+/// Slopes β; from here on for a gradient only.
+const SLOPE_VALUES: usize = SLOPE_SUMS + SLOPE_COUNT;
 /// Σw d_m.
-pub(super) const DISTANCE_SUMS: usize = OFFSETS + 3;
+pub(super) const DISTANCE_SUMS: usize = SLOPE_VALUES + SLOPE_COUNT;
 /// Σw d_m (u_i - z_c).
 pub(super) const MOMENTS: usize = DISTANCE_SUMS + BANDWIDTH_COUNT;
-const FORWARD_VECTORS: usize = MINUS_SLOPES;
+const FORWARD_VECTORS: usize = SLOPE_VALUES;
 const GRADIENT_VECTORS: usize = MOMENTS + 3 * BANDWIDTH_COUNT;
 
 /// Sums of the rows whose windows are not complete, as a ring.
@@ -61,26 +61,18 @@ impl Sums {
     }
 }
 
-/// Sums of a vector of pixels before its first tap: 0, and what its terms are made of. Without the planes of the pixels
-/// themselves only what weights are made of.
+/// Sums of a vector of pixels before its first tap: 0, and what its terms are made of: for weights alone the widths, for a
+/// gradient the slopes too.
 #[inline(always)]
-pub(super) fn begin<S: Simd>(s: S, p: &[S::F], centre: Option<&[f32]>, sums: &mut [f32]) {
+pub(super) fn begin<S: Simd>(s: S, p: &[S::F], gradient: bool, sums: &mut [f32]) {
     sums.fill(0.0);
     for m in 0..BANDWIDTH_COUNT {
         // The logarithms are to the base 2 already.
         let unit = if m < 3 { -std::f32::consts::LOG2_E } else { -1.0 };
         s.store(&mut sums[(WIDTHS + m) * S::LANES..], s.mul(p[BANDWIDTHS + m], s.splat(unit)));
     }
-    let Some(centre) = centre else { return };
-    let z = load3(s, centre, DENOISED);
-    for k in 0..3 {
-        let mut offset = s.sub(s.zero(), z[k]);
-        for f in 0..3 {
-            let slope = p[SLOPES + 3 * f + k];
-            offset = s.fma(slope, s.load(&centre[(SLOPED[f] + k) * PITCH..]), offset);
-            s.store(&mut sums[(MINUS_SLOPES + 3 * f + k) * S::LANES..], s.sub(s.zero(), slope));
-        }
-        s.store(&mut sums[(OFFSETS + k) * S::LANES..], offset);
+    for i in 0..if gradient { SLOPE_COUNT } else { 0 } {
+        s.store(&mut sums[(SLOPE_VALUES + i) * S::LANES..], p[SLOPES + i]);
     }
 }
 
@@ -88,7 +80,7 @@ pub(super) fn begin<S: Simd>(s: S, p: &[S::F], centre: Option<&[f32]>, sums: &mu
 const AT_ONCE: usize = 4;
 
 /// First channels of the features that have slopes, in the order of the slopes.
-pub(super) const SLOPED: [usize; 3] = [DENOISED, ALBEDO, NORMAL];
+const SLOPED: [usize; 3] = [DENOISED, ALBEDO, NORMAL];
 
 // What a pass is compiled for, so that nothing is asked for every tap: the features that most frames have, and any set.
 
@@ -113,6 +105,8 @@ pub(super) struct TapRow<'a, S> {
     pub masked: bool,
     /// The pixels' column.
     pub x: usize,
+    /// The pixels' row.
+    pub own: &'a Row,
     /// The taps' row.
     pub other: &'a Row,
     /// The distances from the pixels' column on.
@@ -157,12 +151,12 @@ impl<S: Simd> TapRow<'_, S> {
         }
     }
 
-    /// Whether y, z, ρ and n take part.
+    /// Whether z, ρ and n take part.
     #[inline(always)]
-    fn values_take_part<const FEATURES: u8>(&self) -> [bool; VALUES.len()] {
+    fn slopes_take_part<const FEATURES: u8>(&self) -> [bool; 3] {
         match FEATURES {
-            SOME => [true, true, self.set.albedo, self.set.normal],
-            _ => [true; VALUES.len()],
+            SOME => [true, self.set.albedo, self.set.normal],
+            _ => [true; 3],
         }
     }
 
@@ -197,11 +191,7 @@ impl<S: Simd> TapRow<'_, S> {
     ) {
         let s = self.s;
         let widths: [S::F; BANDWIDTH_COUNT] = load_vectors(s, sums, WIDTHS);
-        let mut sum = s.load(&sums[WEIGHT * S::LANES..]);
-        let mut of_distances = [s.zero(); BANDWIDTH_COUNT];
-        if GRADIENT {
-            of_distances = load_vectors(s, sums, DISTANCE_SUMS);
-        }
+        let (mut sum, mut of_distances) = (s.zero(), [s.zero(); BANDWIDTH_COUNT]);
         let totals = (&mut sum, &mut of_distances);
         let (several, rest) = taps.as_chunks::<AT_ONCE>();
         let (of_several, of_rest) = weights.split_at_mut(several.len() * AT_ONCE * S::LANES);
@@ -214,9 +204,9 @@ impl<S: Simd> TapRow<'_, S> {
             [a] => self.weigh_each::<FEATURES, GRADIENT, 1>(&[a], &widths, totals, of_rest),
             _ => (),
         }
-        s.store(&mut sums[WEIGHT * S::LANES..], sum);
+        add_vectors(s, sums, WEIGHT, [sum]);
         if GRADIENT {
-            store_vectors(s, sums, DISTANCE_SUMS, of_distances);
+            add_vectors(s, sums, DISTANCE_SUMS, of_distances);
         }
     }
 
@@ -258,60 +248,49 @@ impl<S: Simd> TapRow<'_, S> {
         }
     }
 
-    /// Adds Σw y_i and Σw x_i of taps whose weights are there.
+    /// Adds Σw y_i and Σw (x_c - x_i) of taps whose weights are there.
     #[inline(always)]
     fn add_values<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], weights: &[f32]) {
-        let (s, takes_part) = (self.s, self.values_take_part::<FEATURES>());
-        let mut terms = [[s.zero(); 3]; VALUES.len()];
-        for (f, terms) in terms.iter_mut().enumerate() {
-            *terms = load_vectors(s, sums, RADIANCE_SUMS + 3 * f);
-        }
-        for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
-            let (w, at) = (s.load(weight), self.at(tap));
-            for (f, terms) in terms.iter_mut().enumerate() {
-                if takes_part[f] {
-                    for (k, term) in terms.iter_mut().enumerate() {
-                        *term = s.fma(w, s.load(&at[(VALUES[f] + k) * PITCH..]), *term);
+        let (s, takes_part) = (self.s, self.slopes_take_part::<FEATURES>());
+        for k in 0..3 {
+            let centre = self.centre(k);
+            let (mut radiance, mut slopes) = (s.zero(), [s.zero(); 3]);
+            for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
+                let (w, at) = (s.load(weight), self.at(tap));
+                radiance = s.fma(w, s.load(&at[(RADIANCE + k) * PITCH..]), radiance);
+                for f in 0..3 {
+                    if takes_part[f] {
+                        let difference = s.sub(centre[f], s.load(&at[(SLOPED[f] + k) * PITCH..]));
+                        slopes[f] = s.fma(w, difference, slopes[f]);
                     }
                 }
             }
-        }
-        for (f, terms) in terms.into_iter().enumerate() {
-            store_vectors(s, sums, RADIANCE_SUMS + 3 * f, terms);
+            self.add_of_channel(k, radiance, slopes, sums);
         }
     }
 
-    /// The same, and Σw d_m (u_i - z_c), channel by channel.
+    /// The same, and Σw d_m (u_i - z_c).
     #[inline(always)]
     fn add_moments<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], weights: &[f32]) {
-        let s = self.s;
+        let (s, takes_part) = (self.s, self.slopes_take_part::<FEATURES>());
         let distances_take_part = self.distances_take_part::<FEATURES>();
-        let [_, sloped_take_part @ ..] = self.values_take_part::<FEATURES>();
         for k in 0..3 {
-            let sum_of = |f: usize| (SLOPED_SUMS + 3 * f + k) * S::LANES;
-            let moment_of = |m: usize| (MOMENTS + 3 * m + k) * S::LANES;
-            let mut radiance = s.load(&sums[(RADIANCE_SUMS + k) * S::LANES..]);
-            let mut sloped = [s.zero(); 3];
-            let mut minus_slopes = [s.zero(); 3];
-            for f in 0..3 {
-                sloped[f] = s.load(&sums[sum_of(f)..]);
-                minus_slopes[f] = s.load(&sums[(MINUS_SLOPES + 3 * f + k) * S::LANES..]);
+            let centre = self.centre(k);
+            let mut slope_values = [s.zero(); 3];
+            for (f, value) in slope_values.iter_mut().enumerate() {
+                *value = s.load(&sums[(SLOPE_VALUES + 3 * f + k) * S::LANES..]);
             }
-            let mut moments = [s.zero(); BANDWIDTH_COUNT];
-            for (m, moment) in moments.iter_mut().enumerate() {
-                *moment = s.load(&sums[moment_of(m)..]);
-            }
-            let offset = s.load(&sums[(OFFSETS + k) * S::LANES..]);
+            let (mut radiance, mut slopes, mut moments) = (s.zero(), [s.zero(); 3], [s.zero(); BANDWIDTH_COUNT]);
             for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
                 let (w, at, d) = (s.load(weight), self.at(tap), self.distances(tap));
                 let y_i = s.load(&at[(RADIANCE + k) * PITCH..]);
                 radiance = s.fma(w, y_i, radiance);
-                let mut u = s.add(y_i, offset);
+                let mut u = s.sub(y_i, centre[0]);
                 for f in 0..3 {
-                    if sloped_take_part[f] {
-                        let x_i = s.load(&at[(SLOPED[f] + k) * PITCH..]);
-                        sloped[f] = s.fma(w, x_i, sloped[f]);
-                        u = s.fma(minus_slopes[f], x_i, u);
+                    if takes_part[f] {
+                        let difference = s.sub(centre[f], s.load(&at[(SLOPED[f] + k) * PITCH..]));
+                        slopes[f] = s.fma(w, difference, slopes[f]);
+                        u = s.fma(slope_values[f], difference, u);
                     }
                 }
                 let wu = s.mul(w, u);
@@ -321,16 +300,27 @@ impl<S: Simd> TapRow<'_, S> {
                     }
                 }
             }
-            s.store(&mut sums[(RADIANCE_SUMS + k) * S::LANES..], radiance);
-            for f in 0..3 {
-                s.store(&mut sums[sum_of(f)..], sloped[f]);
-            }
-            for m in 0..BANDWIDTH_COUNT {
-                s.store(&mut sums[moment_of(m)..], moments[m]);
+            self.add_of_channel(k, radiance, slopes, sums);
+            for (m, moment) in moments.into_iter().enumerate() {
+                add_vectors(s, sums, MOMENTS + 3 * m + k, [moment]);
             }
         }
     }
-}
 
-/// First channels of what is averaged: y, and what has slopes.
-const VALUES: [usize; 4] = [RADIANCE, DENOISED, ALBEDO, NORMAL];
+    /// z, ρ and n of the pixels themselves in channel `k`.
+    #[inline(always)]
+    fn centre(&self, k: usize) -> [S::F; 3] {
+        let (s, own) = (self.s, at_column::<S>(self.own, self.x as isize));
+        let plane = |f: usize| s.load(&own[(SLOPED[f] + k) * PITCH..]);
+        [plane(0), plane(1), plane(2)]
+    }
+
+    /// Adds what a row's taps made of channel `k`.
+    #[inline(always)]
+    fn add_of_channel(&self, k: usize, radiance: S::F, slopes: [S::F; 3], sums: &mut [f32]) {
+        add_vectors(self.s, sums, RADIANCE_SUMS + k, [radiance]);
+        for (f, sum) in slopes.into_iter().enumerate() {
+            add_vectors(self.s, sums, SLOPE_SUMS + 3 * f + k, [sum]);
+        }
+    }
+}

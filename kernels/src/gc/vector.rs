@@ -23,6 +23,16 @@ pub(super) fn store_vectors<S: Simd, const N: usize>(s: S, to: &mut [f32], first
     }
 }
 
+/// Adds vectors to those that stand there, the first of them `first` vectors after the start of `to`.
+#[inline(always)]
+pub(super) fn add_vectors<S: Simd, const N: usize>(s: S, to: &mut [f32], first: usize, values: [S::F; N]) {
+    let to = &mut to[first * S::LANES..][..N * S::LANES];
+    for (i, v) in values.into_iter().enumerate() {
+        let slot = &mut to[i * S::LANES..];
+        s.store(slot, s.add(s.load(slot), v));
+    }
+}
+
 /// The planes `channel..channel + 3` of a copied row, which begins at the pixels.
 #[inline(always)]
 pub(super) fn load3<S: Simd>(s: S, row: &[f32], channel: usize) -> [S::F; 3] {

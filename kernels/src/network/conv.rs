@@ -8,6 +8,9 @@ use crate::simd::{Isa, Simd};
 
 pub(super) const TAPS: usize = KERNEL * KERNEL;
 
+/// Output channels whose sums are in registers where these are many.
+pub(super) const MOST_OUTPUTS: usize = 8;
+
 /// Weights of one layer in the order the kernel reads them: `[output block][input][tap][block]`.
 pub(super) struct Packed {
     weights: Vec<f32>,

@@ -6,11 +6,13 @@
 //! in [`oracle`].
 
 mod conv;
-mod minimal_filtering;
 pub mod oracle;
 mod planes;
+mod points;
 mod rows;
+mod tile_convolution;
 mod trunk;
+mod weight_gradient;
 mod window;
 
 pub use trunk::{GradientPlanes, PackedNetwork, TilePlanes, sum_in_order};

@@ -1,7 +1,8 @@
 //! The whole network over one tile: forward with saved activations, and backward.
 
-use super::minimal_filtering::{Finish, Packed, Room, convolve, weight_gradient};
 use super::planes::{Geometry, Planes};
+use super::tile_convolution::{Finish, Packed, convolve};
+use super::weight_gradient::{Room, weight_gradient};
 use super::{MAX_CHANNELS, Shape, layer};
 use crate::features::FEATURE_CHANNELS;
 use crate::simd::Isa;

@@ -285,9 +285,11 @@ fn windows_of_the_network_do_not_show() {
     let tiled = method::parameters(&method::window_network(Form::Gated, &network), &image);
     let isa = Isa::best();
     let whole = Pass::forward(isa, &shape, &network.weights, image.data(), 131, 117).outputs;
-    assert_eq!(
-        tiled.data(),
-        activated(isa, Form::Gated, &whole),
-        "the network's windows differ from the whole picture"
-    );
+    // Training multiplies rows in another way.
+    let exact: Vec<f64> = activated(isa, Form::Gated, &whole).iter().map(|&v| f64::from(v)).collect();
+    let (planes, pixels) = (tiled.data().chunks_exact(131 * 117), exact.chunks_exact(131 * 117));
+    for (c, (got, exact)) in planes.zip(pixels).enumerate() {
+        let error = worst(got, exact, exact.iter().fold(1e-20, |m: f64, v| m.max(v.abs())));
+        assert!(error < NETWORK_TOLERANCE, "parameter {c}: {error:e}");
+    }
 }
