@@ -18,10 +18,17 @@ use sspc_kernels::windows::Windows;
 use sspc_train::preset::{Preset, Settings};
 
 const THREADS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
-/// Vector operations of g_c per tap, forward and with the gradient, and per pair of pixels (`kernels/src/gc/kernel.rs`; the
-/// gradient's from its time).
-const PER_TAP: [f64; 2] = [45.0, 88.0];
-const PER_PAIR: f64 = 37.0;
+/// Vector operations of g_c per tap, forward and with the gradient, and per pair of pixels (`kernels/src/gc/kernel.rs`).
+const PER_TAP: [f64; 2] = [39.0, 74.0];
+const PER_PAIR: f64 = 60.0;
+/// Multiply-adds of a tile's convolutions over those of every tap, and operations per pixel and channel of what is multiplied
+/// (`kernels/src/network/points.rs`): of inputs, of outputs and of their gradients.
+const MULTIPLIED: f64 = 0.5;
+const PER_INPUT: f64 = 3.0;
+const PER_OUTPUT: f64 = 2.5;
+const PER_GRADIENT: f64 = 2.0;
+/// Rows that a tile's convolutions compute together.
+const GROUP: usize = 4;
 /// What one thread does for each pixel of a tile beside g_c and network: activations forward and backward, copies.
 const PER_PIXEL: f64 = 1000.0;
 
@@ -83,12 +90,15 @@ fn step(preset: Preset) {
         });
         let mut of_tile = Stage::alone(PER_PIXEL * pixels).then(Stage::of(divided.iter().map(|r| of_gc(r, radius, 1))));
         for l in 0..shape.layers {
-            // Forward by rows; weights by inputs, then the gradient of the inputs by rows.
-            let inputs = shape.channels(l).0;
-            let by_rows = Stage::of(shares(tile, parts).map(|rows| of_layer(&shape, l) * (rows * tile) as f64));
-            let by_inputs =
-                Stage::of(shares(inputs, parts).map(|n| of_layer(&shape, l) * pixels * n as f64 / inputs as f64));
-            of_tile = of_tile.then(by_rows).then(by_inputs);
+            // Forward by groups of rows; weights by inputs, then the gradient of the inputs by groups of rows.
+            let (inputs, outputs) = shape.channels(l);
+            let multiplied = MULTIPLIED * of_layer(&shape, l);
+            let per_pixel = multiplied + PER_INPUT * inputs as f64 + PER_OUTPUT * outputs as f64;
+            let of_groups = |groups| per_pixel * (groups * GROUP * tile) as f64;
+            let by_rows = Stage::of(shares(tile / GROUP, parts).map(of_groups));
+            let points = Stage::alone((PER_INPUT * inputs as f64 + PER_GRADIENT * outputs as f64) * pixels);
+            let by_inputs = Stage::of(shares(inputs, parts).map(|n| multiplied * pixels * n as f64 / inputs as f64));
+            of_tile = of_tile.then(by_rows).then(points).then(by_inputs);
             of_tile = if l > 0 { of_tile.then(by_rows) } else { of_tile };
         }
         let step = Stage { work: batch as f64 * of_tile.work, chain: of_tile.chain };

@@ -125,18 +125,19 @@ fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: 
     let g = input.geometry;
     let to = output.row(g, group * GROUP) + x;
     for block in 0..MAX_CHANNELS / OUTPUTS {
-        let mut products = [[[s.zero(); VECTORS]; OUTPUTS]; POINTS];
-        for (m, products) in products.iter_mut().enumerate() {
-            *products = sums_at_point(s, packed, block, points, m, x);
+        let mut products = [[[s.zero(); POINTS]; VECTORS]; OUTPUTS];
+        for m in 0..POINTS {
+            let sums: [[S::F; VECTORS]; OUTPUTS] = sums_at_point(s, packed, block, points, m, x);
+            for (of_output, sums) in products.iter_mut().zip(sums) {
+                for (of_vector, sum) in of_output.iter_mut().zip(sums) {
+                    of_vector[m] = sum;
+                }
+            }
         }
-        for o in 0..OUTPUTS {
+        for (o, of_output) in products.into_iter().enumerate() {
             let channel = block * OUTPUTS + o;
             let mut rows = [[s.zero(); GROUP]; VECTORS];
-            for (k, rows) in rows.iter_mut().enumerate() {
-                let mut of_vector = [s.zero(); POINTS];
-                for (m, of_point) in of_vector.iter_mut().enumerate() {
-                    *of_point = products[m][o][k];
-                }
+            for (rows, of_vector) in rows.iter_mut().zip(of_output) {
                 *rows = outputs_of_points(s, of_vector);
             }
             let target = &mut output.channels[channel][to..];
@@ -151,6 +152,7 @@ fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: 
         }
     }
 }
+
 /// Writes the rows of a group.
 #[inline(always)]
 fn store_rows<S: Simd, const VECTORS: usize>(s: S, to: &mut [f32], stride: usize, rows: [[S::F; GROUP]; VECTORS]) {
