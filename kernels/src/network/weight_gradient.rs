@@ -63,6 +63,9 @@ pub(super) fn weight_gradient(
     dispatch(isa, BiasGradient { upstream, bias: &mut gradient[outputs * inputs * TAPS..] });
 }
 
+/// Inputs whose sums are kept until all points are there.
+const INPUTS_AT_ONCE: usize = 4;
+
 struct TakePoints<'a> {
     input: &'a Planes,
     inputs: usize,
@@ -108,13 +111,17 @@ impl Kernel for WeightGradient<'_> {
 
 #[inline(always)]
 fn gradient_blocks<S: Simd, const OUTPUTS: usize>(s: S, work: &mut WeightGradient) {
-    // Sums of a block: `[input][point][output][column]`, a vector each.
+    // Sums of a block and some inputs: `[input][point][output][column]`, a vector each.
     let of_input = POINTS * OUTPUTS * KERNEL * S::LANES;
-    let mut done = Aligned::zeros(MAX_CHANNELS * of_input);
-    for first in (0..work.outputs).step_by(OUTPUTS) {
-        // One point of the block's outputs stays in the first cache for all inputs.
-        for (m, i) in (0..POINTS).flat_map(|m| work.range.clone().map(move |i| (m, i))) {
-            let sums = gradient_sums::<S, OUTPUTS>(s, work, first, i, m);
+    let mut done = Aligned::zeros(INPUTS_AT_ONCE * of_input);
+    for (first, start) in (0..work.outputs)
+        .step_by(OUTPUTS)
+        .flat_map(|first| work.range.clone().step_by(INPUTS_AT_ONCE).map(move |start| (first, start)))
+    {
+        let inputs = INPUTS_AT_ONCE.min(work.range.end - start);
+        // One point of the block's outputs stays in the first cache for all of these inputs.
+        for (m, i) in (0..POINTS).flat_map(|m| (0..inputs).map(move |i| (m, i))) {
+            let sums = gradient_sums::<S, OUTPUTS>(s, work, first, start + i, m);
             let to = &mut done[i * of_input + m * OUTPUTS * KERNEL * S::LANES..];
             for (o, sum) in sums.iter().enumerate() {
                 for (c, v) in sum.iter().enumerate() {
@@ -122,15 +129,13 @@ fn gradient_blocks<S: Simd, const OUTPUTS: usize>(s: S, work: &mut WeightGradien
                 }
             }
         }
-        for (o, i, column) in
-            each(OUTPUTS.min(work.outputs - first), work.inputs).filter(|(_, i, _)| work.range.contains(i))
-        {
+        for (o, i, column) in each(OUTPUTS.min(work.outputs - first), inputs) {
             let mut sums = [s.zero(); POINTS];
             for (m, sum) in sums.iter_mut().enumerate() {
                 *sum = s.load(&done[i * of_input + ((m * OUTPUTS + o) * KERNEL + column) * S::LANES..]);
             }
             for (row, v) in kernel_of_points(s, sums).into_iter().enumerate() {
-                let slot = ((first + o) * work.inputs + i) * TAPS + row * KERNEL + column;
+                let slot = ((first + o) * work.inputs + start + i) * TAPS + row * KERNEL + column;
                 work.gradient[slot] += s.sum(v);
             }
         }
