@@ -9,7 +9,8 @@ use crate::region::Region;
 use crate::simd::{MAX_LANES, Simd};
 use crate::windows::Windows;
 
-/// Widest strip of a picture, pixels, which is computed by itself: rows, sums and logarithms of a pair of rows fit the first cache together.
+/// Widest strip of a picture, pixels, which is computed by itself: rows and sums fit the first cache, and so do the distances of a
+/// pair of rows in windows of 13x13; those of 19x19 take 36 KiB.
 pub const STRIP: usize = 64;
 /// Where the strip's first column lies in a copied plane: on a cache line.
 pub(super) const LEFT: usize = MAX_RADIUS.next_multiple_of(MAX_LANES);

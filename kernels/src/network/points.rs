@@ -20,6 +20,7 @@ use crate::simd::Simd;
 pub(super) const POINTS: usize = 6;
 /// The point whose product is in all four output rows once: 1.
 pub(super) const POINT_OF_ALL_ROWS: usize = 1;
+
 /// Rows of a group as they are multiplied.
 trait AtPoints<const ROWS: usize> {
     /// Must be `#[inline(always)]`, as [`Kernel::run`] must.
