@@ -5,8 +5,7 @@ use std::ops::{Deref, DerefMut};
 /// Bytes of a cache line.
 const LINE: usize = 64;
 
-/// Floats that begin on a cache line, so that vectors of the widest instruction set do not straddle two. (Without it the
-/// convolutions measured the same: it is here so that loads of whole vectors need no cast of pointers.)
+/// Floats that begin on a cache line, so that vectors of the widest instruction set do not straddle two.
 #[derive(Debug)]
 pub(crate) struct Aligned {
     data: Vec<f32>,

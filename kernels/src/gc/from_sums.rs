@@ -2,7 +2,7 @@
 
 use super::WEIGHT_FLOOR;
 use super::strip::PITCH;
-use super::tap_sums::{DISTANCE_SUMS, MOMENTS, RADIANCE_SUMS, SLOPE_SUMS, WEIGHT};
+use super::tap_sums::{KEPT, MOMENTS, RADIANCE_SUMS, SLOPE_SUMS, WEIGHT};
 use super::vector::{difference, dot, load_vectors, load3, scaled};
 use crate::features::{DENOISED, FEATURE_CHANNELS, RADIANCE};
 use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, CENTRE, Form, GATE, SLOPE_COUNT, SLOPES};
@@ -84,9 +84,8 @@ impl<'a, S: Simd> Complete<'a, S> {
         // Σ w d_m G·(u_i - held) from the sums relative to z_c.
         let held = difference(s, &held, &self.z);
         for m in 0..BANDWIDTH_COUNT {
-            let distance = s.load(&self.sums[(DISTANCE_SUMS + m) * S::LANES..]);
-            let moments: [S::F; 3] = load_vectors(s, self.sums, MOMENTS + 3 * m);
-            let about_g = difference(s, &moments, &scaled(s, &held, distance));
+            let [distance, r, g, b] = load_vectors(s, self.sums, MOMENTS + KEPT * m);
+            let about_g = difference(s, &[r, g, b], &scaled(s, &held, distance));
             // The logarithms are kept to the base 2.
             let unit = if m < 3 { -1.0 } else { -std::f32::consts::LN_2 };
             gradient[BANDWIDTHS + m] = s.mul(dot(s, &by_sum, &about_g), s.splat(unit));

@@ -14,7 +14,7 @@
 use super::from_sums::{Complete, MAX_PARAMETERS};
 use super::pair_distances::{Distances, RowTaps};
 use super::strip::{Rows, STRIP, at_column};
-use super::tap_sums::{Sums, TapRow, begin, weights};
+use super::tap_sums::{Sums, TapRow, begin, tap_values};
 use super::{Correction, ParameterPlanes};
 use crate::aligned::Aligned;
 use crate::region::Region;
@@ -60,7 +60,7 @@ impl<U: Upstream> Kernel for Correct<'_, U> {
             rows: Rows::new(radius),
             sums: Sums::new(radius, U::NEEDED),
             distances: Distances::new(radius),
-            weights: weights(),
+            tap_values: tap_values(),
         };
         for left in (0..self.of.region.width).step_by(STRIP) {
             let width = STRIP.min(self.of.region.width - left);
@@ -75,7 +75,7 @@ struct Work {
     rows: Rows,
     sums: Sums,
     distances: Distances,
-    weights: Aligned,
+    tap_values: Aligned,
 }
 
 impl<U: Upstream> Correct<'_, U> {
@@ -91,7 +91,7 @@ impl<U: Upstream> Correct<'_, U> {
                 self.begin(s, work, (upper + radius) as usize, left, width);
             }
             let (set, masked) = (self.of.windows.set(), self.of.windows.masked());
-            let Work { taps, rows, sums, distances, weights } = work;
+            let Work { taps, rows, sums, distances, tap_values } = work;
             for row in taps.iter() {
                 let lower = upper + row.dy;
                 let ends = [rows.row(upper), rows.row(lower)];
@@ -101,9 +101,9 @@ impl<U: Upstream> Correct<'_, U> {
                         let tap_row = TapRow { s, set, masked, x, own, other, distances: distances.at_column(x) };
                         let sums = sums.at::<S>(y as usize, x);
                         if U::NEEDED {
-                            tap_row.add_for_gradient(taps, sums, weights);
+                            tap_row.add_for_gradient(taps, sums, tap_values);
                         } else {
-                            tap_row.add(taps, sums, weights);
+                            tap_row.add(taps, sums, tap_values);
                         }
                     }
                 }

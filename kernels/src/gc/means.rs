@@ -7,7 +7,7 @@ use super::from_sums::MAX_PARAMETERS;
 use super::kernel::{load_parameters, store_planes};
 use super::pair_distances::{Distances, RowTaps};
 use super::strip::{LEFT, PITCH, Rows, STRIP, at_column};
-use super::tap_sums::{Sums, TapRow, WEIGHT, begin, weights};
+use super::tap_sums::{Sums, TapRow, WEIGHT, begin, tap_values};
 use super::{Correction, WEIGHT_FLOOR};
 use crate::aligned::Aligned;
 use crate::features::FEATURE_CHANNELS;
@@ -50,7 +50,7 @@ impl Kernel for Means<'_> {
             planes: PlaneRows::new(radius, count),
             sums: Sums::of_vectors(radius, PLANE_SUMS + count),
             distances: Distances::new(radius),
-            weights: weights(),
+            weights: tap_values(),
         };
         for left in (0..self.of.region.width).step_by(STRIP) {
             let width = STRIP.min(self.of.region.width - left);

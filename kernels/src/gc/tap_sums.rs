@@ -6,9 +6,9 @@
 //! Σw d_m (u_i - g) is needed, of which g is known only at the end: Σw d_m and Σw d_m (u_i - z_c) are
 //! added up for the five distances d_m, relative to z_c because that is near g.
 //!
-//! Passes over the taps of a row, one channel at a time, keep to the sixteen vectors that AVX2 has registers for. Each row's
-//! taps are added up by themselves first: sums of some twenty values, and then of some twenty rows, lose less than of four hundred
-//! in a row.
+//! Several passes over the taps of a row, one for the weights, one for each channel and those of the gradient, keep to the
+//! registers that there are. Each row's taps are added up by themselves first: sums of some twenty values, and then of some
+//! twenty rows, lose less than of four hundred in a row.
 
 use super::pair_distances::{LENGTH, Tap};
 use super::strip::{PITCH, Row, STRIP, at_column};
@@ -30,12 +30,10 @@ pub(super) const RADIANCE_SUMS: usize = WEIGHT + 1;
 pub(super) const SLOPE_SUMS: usize = RADIANCE_SUMS + 3;
 /// Slopes β; from here on for a gradient only.
 const SLOPE_VALUES: usize = SLOPE_SUMS + SLOPE_COUNT;
-/// Σw d_m.
-pub(super) const DISTANCE_SUMS: usize = SLOPE_VALUES + SLOPE_COUNT;
-/// Σw d_m (u_i - z_c).
-pub(super) const MOMENTS: usize = DISTANCE_SUMS + BANDWIDTH_COUNT;
+/// Σ d_m v of every distance d_m, with each value v that is [`KEPT`] of a tap: Σw d_m and Σw d_m (u_i - z_c).
+pub(super) const MOMENTS: usize = SLOPE_VALUES + SLOPE_COUNT;
 const FORWARD_VECTORS: usize = SLOPE_VALUES;
-const GRADIENT_VECTORS: usize = MOMENTS + 3 * BANDWIDTH_COUNT;
+const GRADIENT_VECTORS: usize = MOMENTS + KEPT * BANDWIDTH_COUNT;
 
 /// Sums of the rows whose windows are not complete, as a ring.
 pub(super) struct Sums {
@@ -92,9 +90,14 @@ const NO_VISIBILITY: u8 = 1;
 const SOME: u8 = 2;
 const NO_VISIBILITY_SET: FeatureSet = FeatureSet { visibility: false, ..FeatureSet::ALL };
 
-/// Room for w of the taps of a vector of pixels, a vector for each tap of a row.
-pub(super) fn weights() -> Aligned {
-    Aligned::zeros((2 * MAX_RADIUS + 1) * MAX_LANES)
+/// What is kept of each tap of a vector of pixels: w, and for a gradient w (u_i - z_c) of every channel.
+pub(super) const KEPT: usize = 4;
+/// Floats of one of these of all taps of a row, a vector each.
+const OF_TAPS: usize = (2 * MAX_RADIUS + 1) * MAX_LANES;
+
+/// Room for what is kept of a row's taps.
+pub(super) fn tap_values() -> Aligned {
+    Aligned::zeros(KEPT * OF_TAPS)
 }
 
 /// One vector of pixels and the row in which its taps lie.
@@ -116,38 +119,41 @@ pub(super) struct TapRow<'a, S> {
 impl<S: Simd> TapRow<'_, S> {
     /// Adds the taps to the sums.
     #[inline(always)]
-    pub(super) fn add(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
-        self.add_weights(taps, sums, weights);
-        match (self.set.albedo, self.set.normal) {
-            (true, true) => self.add_values::<ALL>(taps, sums, weights),
-            _ => self.add_values::<SOME>(taps, sums, weights),
-        }
+    pub(super) fn add(&self, taps: &[Tap], sums: &mut [f32], values: &mut [f32]) {
+        self.add_weights(taps, sums, values);
+        self.add_values::<false>(taps, sums, values);
     }
 
     /// Adds the taps to the sums, those for the gradient too.
     #[inline(always)]
-    pub(super) fn add_for_gradient(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
-        self.weigh::<true>(taps, sums, weights);
+    pub(super) fn add_for_gradient(&self, taps: &[Tap], sums: &mut [f32], values: &mut [f32]) {
+        self.add_weights(taps, sums, values);
+        self.add_values::<true>(taps, sums, values);
         match self.set {
-            FeatureSet::ALL => self.add_moments::<ALL>(taps, sums, weights),
-            NO_VISIBILITY_SET => self.add_moments::<NO_VISIBILITY>(taps, sums, weights),
-            _ => self.add_moments::<SOME>(taps, sums, weights),
+            FeatureSet::ALL => self.add_moments::<ALL>(taps, sums, values),
+            NO_VISIBILITY_SET => self.add_moments::<NO_VISIBILITY>(taps, sums, values),
+            _ => self.add_moments::<SOME>(taps, sums, values),
         }
     }
 
-    /// Adds the taps' weights to Σw and keeps them.
+    /// Adds the taps' weights to Σw and keeps them, as the first of `values`.
     #[inline(always)]
-    pub(super) fn add_weights(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
-        self.weigh::<false>(taps, sums, weights);
+    pub(super) fn add_weights(&self, taps: &[Tap], sums: &mut [f32], values: &mut [f32]) {
+        match self.set {
+            FeatureSet::ALL => self.weigh::<ALL>(taps, sums, values),
+            NO_VISIBILITY_SET => self.weigh::<NO_VISIBILITY>(taps, sums, values),
+            _ => self.weigh::<SOME>(taps, sums, values),
+        }
     }
 
-    /// The same, and Σw d_m for a gradient.
+    /// Adds Σw y_i and Σw (x_c - x_i) of taps whose weights are there. For a gradient w (u_i - z_c) is kept too.
     #[inline(always)]
-    fn weigh<const GRADIENT: bool>(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
-        match self.set {
-            FeatureSet::ALL => self.weigh_with::<ALL, GRADIENT>(taps, sums, weights),
-            NO_VISIBILITY_SET => self.weigh_with::<NO_VISIBILITY, GRADIENT>(taps, sums, weights),
-            _ => self.weigh_with::<SOME, GRADIENT>(taps, sums, weights),
+    fn add_values<const GRADIENT: bool>(&self, taps: &[Tap], sums: &mut [f32], values: &mut [f32]) {
+        for k in 0..3 {
+            match (self.set.albedo, self.set.normal) {
+                (true, true) => self.add_channel::<ALL, GRADIENT>(k, taps, sums, values),
+                _ => self.add_channel::<SOME, GRADIENT>(k, taps, sums, values),
+            }
         }
     }
 
@@ -183,40 +189,31 @@ impl<S: Simd> TapRow<'_, S> {
     }
 
     #[inline(always)]
-    fn weigh_with<const FEATURES: u8, const GRADIENT: bool>(
-        &self,
-        taps: &[Tap],
-        sums: &mut [f32],
-        weights: &mut [f32],
-    ) {
+    fn weigh<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], weights: &mut [f32]) {
         let s = self.s;
         let widths: [S::F; BANDWIDTH_COUNT] = load_vectors(s, sums, WIDTHS);
-        let (mut sum, mut of_distances) = (s.zero(), [s.zero(); BANDWIDTH_COUNT]);
-        let totals = (&mut sum, &mut of_distances);
+        let mut sum = s.zero();
         let (several, rest) = taps.as_chunks::<AT_ONCE>();
         let (of_several, of_rest) = weights.split_at_mut(several.len() * AT_ONCE * S::LANES);
         for (taps, weights) in several.iter().zip(of_several.chunks_exact_mut(AT_ONCE * S::LANES)) {
-            self.weigh_each::<FEATURES, GRADIENT, AT_ONCE>(taps, &widths, (&mut *totals.0, &mut *totals.1), weights);
+            self.weigh_each::<FEATURES, AT_ONCE>(taps, &widths, &mut sum, weights);
         }
         match *rest {
-            [a, b, c] => self.weigh_each::<FEATURES, GRADIENT, 3>(&[a, b, c], &widths, totals, of_rest),
-            [a, b] => self.weigh_each::<FEATURES, GRADIENT, 2>(&[a, b], &widths, totals, of_rest),
-            [a] => self.weigh_each::<FEATURES, GRADIENT, 1>(&[a], &widths, totals, of_rest),
+            [a, b, c] => self.weigh_each::<FEATURES, 3>(&[a, b, c], &widths, &mut sum, of_rest),
+            [a, b] => self.weigh_each::<FEATURES, 2>(&[a, b], &widths, &mut sum, of_rest),
+            [a] => self.weigh_each::<FEATURES, 1>(&[a], &widths, &mut sum, of_rest),
             _ => (),
         }
         add_vectors(s, sums, WEIGHT, [sum]);
-        if GRADIENT {
-            add_vectors(s, sums, DISTANCE_SUMS, of_distances);
-        }
     }
 
-    /// The weights of `N` taps, added to Σw and Σw d_m and kept.
+    /// The weights of `N` taps, added to Σw and kept.
     #[inline(always)]
-    fn weigh_each<const FEATURES: u8, const GRADIENT: bool, const N: usize>(
+    fn weigh_each<const FEATURES: u8, const N: usize>(
         &self,
         taps: &[Tap; N],
         widths: &[S::F; BANDWIDTH_COUNT],
-        (sum, of_distances): (&mut S::F, &mut [S::F; BANDWIDTH_COUNT]),
+        sum: &mut S::F,
         weights: &mut [f32],
     ) {
         let (s, takes_part) = (self.s, self.distances_take_part::<FEATURES>());
@@ -238,72 +235,89 @@ impl<S: Simd> TapRow<'_, S> {
             *sum = s.add(*sum, *w);
         }
         store_vectors(s, weights, 0, w);
-        for (tap, w) in taps.iter().zip(w).take(if GRADIENT { N } else { 0 }) {
-            let d = self.distances(tap);
-            for m in 0..BANDWIDTH_COUNT {
-                if takes_part[m] {
-                    of_distances[m] = s.fma(w, s.load(&d[m * LENGTH..]), of_distances[m]);
-                }
-            }
-        }
     }
 
-    /// Adds Σw y_i and Σw (x_c - x_i) of taps whose weights are there.
+    /// Channel `k` of these sums.
     #[inline(always)]
-    fn add_values<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], weights: &[f32]) {
+    fn add_channel<const FEATURES: u8, const GRADIENT: bool>(
+        &self,
+        k: usize,
+        taps: &[Tap],
+        sums: &mut [f32],
+        values: &mut [f32],
+    ) {
         let (s, takes_part) = (self.s, self.slopes_take_part::<FEATURES>());
-        for k in 0..3 {
-            let centre = self.centre(k);
-            let (mut radiance, mut slopes) = (s.zero(), [s.zero(); 3]);
-            for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
-                let (w, at) = (s.load(weight), self.at(tap));
-                radiance = s.fma(w, s.load(&at[(RADIANCE + k) * PITCH..]), radiance);
-                for f in 0..3 {
-                    if takes_part[f] {
-                        let difference = s.sub(centre[f], s.load(&at[(SLOPED[f] + k) * PITCH..]));
-                        slopes[f] = s.fma(w, difference, slopes[f]);
-                    }
-                }
-            }
-            self.add_of_channel(k, radiance, slopes, sums);
-        }
-    }
-
-    /// The same, and Σw d_m (u_i - z_c).
-    #[inline(always)]
-    fn add_moments<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], weights: &[f32]) {
-        let (s, takes_part) = (self.s, self.slopes_take_part::<FEATURES>());
-        let distances_take_part = self.distances_take_part::<FEATURES>();
-        for k in 0..3 {
-            let centre = self.centre(k);
-            let mut slope_values = [s.zero(); 3];
+        let (centre, mut slope_values) = (self.centre(k), [s.zero(); 3]);
+        if GRADIENT {
             for (f, value) in slope_values.iter_mut().enumerate() {
                 *value = s.load(&sums[(SLOPE_VALUES + 3 * f + k) * S::LANES..]);
             }
-            let (mut radiance, mut slopes, mut moments) = (s.zero(), [s.zero(); 3], [s.zero(); BANDWIDTH_COUNT]);
-            for (tap, weight) in taps.iter().zip(weights.chunks_exact(S::LANES)) {
-                let (w, at, d) = (s.load(weight), self.at(tap), self.distances(tap));
-                let y_i = s.load(&at[(RADIANCE + k) * PITCH..]);
-                radiance = s.fma(w, y_i, radiance);
-                let mut u = s.sub(y_i, centre[0]);
-                for f in 0..3 {
-                    if takes_part[f] {
-                        let difference = s.sub(centre[f], s.load(&at[(SLOPED[f] + k) * PITCH..]));
-                        slopes[f] = s.fma(w, difference, slopes[f]);
-                        u = s.fma(slope_values[f], difference, u);
-                    }
+        }
+        let (mut radiance, mut slopes) = (s.zero(), [s.zero(); 3]);
+        let (weights, rest) = values.split_at_mut(OF_TAPS);
+        let kept = rest[k * OF_TAPS..].chunks_exact_mut(S::LANES);
+        for ((tap, weight), kept) in taps.iter().zip(weights.chunks_exact(S::LANES)).zip(kept) {
+            let (w, at) = (s.load(weight), self.at(tap));
+            let y_i = s.load(&at[(RADIANCE + k) * PITCH..]);
+            radiance = s.fma(w, y_i, radiance);
+            let mut u = s.sub(y_i, centre[0]);
+            for f in 0..3 {
+                if takes_part[f] {
+                    let difference = s.sub(centre[f], s.load(&at[(SLOPED[f] + k) * PITCH..]));
+                    slopes[f] = s.fma(w, difference, slopes[f]);
+                    u = s.fma(slope_values[f], difference, u);
                 }
-                let wu = s.mul(w, u);
-                for m in 0..BANDWIDTH_COUNT {
-                    if distances_take_part[m] {
-                        moments[m] = s.fma(s.load(&d[m * LENGTH..]), wu, moments[m]);
+            }
+            if GRADIENT {
+                s.store(kept, s.mul(w, u));
+            }
+        }
+        add_vectors(s, sums, RADIANCE_SUMS + k, [radiance]);
+        for (f, sum) in slopes.into_iter().enumerate() {
+            add_vectors(s, sums, SLOPE_SUMS + 3 * f + k, [sum]);
+        }
+    }
+
+    /// Adds Σ d_m v of the values that were kept for the taps, v = w and w (u_i - z_c).
+    #[inline(always)]
+    fn add_moments<const FEATURES: u8>(&self, taps: &[Tap], sums: &mut [f32], values: &[f32]) {
+        if S::REGISTERS >= 32 {
+            self.add_moments_of::<FEATURES, KEPT>(0, taps, sums, values);
+        } else {
+            self.add_moments_of::<FEATURES, 2>(0, taps, sums, values);
+            self.add_moments_of::<FEATURES, 2>(2, taps, sums, values);
+        }
+    }
+
+    /// Of `N` values from `first` on: as many as there are registers for the sums.
+    #[inline(always)]
+    fn add_moments_of<const FEATURES: u8, const N: usize>(
+        &self,
+        first: usize,
+        taps: &[Tap],
+        sums: &mut [f32],
+        values: &[f32],
+    ) {
+        let (s, takes_part) = (self.s, self.distances_take_part::<FEATURES>());
+        let mut moments = [[s.zero(); N]; BANDWIDTH_COUNT];
+        let values = &values[first * OF_TAPS..][..(N - 1) * OF_TAPS + taps.len() * S::LANES];
+        for (i, tap) in taps.iter().enumerate() {
+            let distances = self.distances(tap);
+            let mut of_tap = [s.zero(); N];
+            for (v, value) in of_tap.iter_mut().enumerate() {
+                *value = s.load(&values[v * OF_TAPS + i * S::LANES..]);
+            }
+            for m in 0..BANDWIDTH_COUNT {
+                if takes_part[m] {
+                    let d = s.load(&distances[m * LENGTH..]);
+                    for v in 0..N {
+                        moments[m][v] = s.fma(d, of_tap[v], moments[m][v]);
                     }
                 }
             }
-            self.add_of_channel(k, radiance, slopes, sums);
-            for (m, moment) in moments.into_iter().enumerate() {
-                add_vectors(s, sums, MOMENTS + 3 * m + k, [moment]);
-            }
+        }
+        for (m, moments) in moments.into_iter().enumerate() {
+            add_vectors(s, sums, MOMENTS + KEPT * m + first, moments);
         }
     }
 
@@ -313,14 +327,5 @@ impl<S: Simd> TapRow<'_, S> {
         let (s, own) = (self.s, at_column::<S>(self.own, self.x as isize));
         let plane = |f: usize| s.load(&own[(SLOPED[f] + k) * PITCH..]);
         [plane(0), plane(1), plane(2)]
-    }
-
-    /// Adds what a row's taps made of channel `k`.
-    #[inline(always)]
-    fn add_of_channel(&self, k: usize, radiance: S::F, slopes: [S::F; 3], sums: &mut [f32]) {
-        add_vectors(self.s, sums, RADIANCE_SUMS + k, [radiance]);
-        for (f, sum) in slopes.into_iter().enumerate() {
-            add_vectors(self.s, sums, SLOPE_SUMS + 3 * f + k, [sum]);
-        }
     }
 }

@@ -107,7 +107,7 @@ pub(super) struct Points {
 
 impl Points {
     pub fn zeros(channels: usize, groups: usize, stride: usize) -> Self {
-        Self { data: Aligned::zeros(channels * POINTS * groups * stride), groups, stride }
+        Self { data: Aligned::zeros(channels * POINTS * groups * stride + LEFT), groups, stride }
     }
 
     /// Room for sixteen planes of a tile.

@@ -125,20 +125,19 @@ fn convolve_at<S: Simd, const OUTPUTS: usize, const VECTORS: usize>(s: S, work: 
     let g = input.geometry;
     let to = output.row(g, group * GROUP) + x;
     for block in 0..MAX_CHANNELS / OUTPUTS {
-        let mut products = [[[s.zero(); POINTS]; VECTORS]; OUTPUTS];
-        for m in 0..POINTS {
-            let sums: [[S::F; VECTORS]; OUTPUTS] = sums_at_point(s, packed, block, points, m, x);
-            for (of_output, sums) in products.iter_mut().zip(sums) {
-                for (of_vector, sum) in of_output.iter_mut().zip(sums) {
-                    of_vector[m] = sum;
-                }
-            }
+        let mut products = [[[s.zero(); VECTORS]; OUTPUTS]; POINTS];
+        for (m, products) in products.iter_mut().enumerate() {
+            *products = sums_at_point(s, packed, block, points, m, x);
         }
-        for (o, of_output) in products.into_iter().enumerate() {
+        for o in 0..OUTPUTS {
             let channel = block * OUTPUTS + o;
             let mut rows = [[s.zero(); GROUP]; VECTORS];
-            for (rows, of_vector) in rows.iter_mut().zip(of_output) {
-                *rows = outputs_of_points(s, of_vector);
+            for (k, rows) in rows.iter_mut().enumerate() {
+                let mut at_points = [s.zero(); POINTS];
+                for (value, products) in at_points.iter_mut().zip(&products) {
+                    *value = products[o][k];
+                }
+                *rows = outputs_of_points(s, at_points);
             }
             let target = &mut output.channels[channel][to..];
             match finish {
