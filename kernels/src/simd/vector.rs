@@ -112,15 +112,15 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// 2^x; arguments below -126 give 2^-126.
     #[inline(always)]
     fn exp2(self, x: Self::F) -> Self::F {
-        self.exp2_each([x])[0]
+        self.exp2_each([self.max(x, self.splat(-126.0))])[0]
     }
 
-    /// 2^x of several vectors, step by step for all of them: one alone would be a chain in which each step waits for the one before.
+    /// 2^x of several vectors, x from -126 on, step by step for all of them: one alone would be a chain in which each step waits for
+    /// the one before.
     #[inline(always)]
     fn exp2_each<const N: usize>(self, mut x: [Self::F; N]) -> [Self::F; N] {
         let mut n = x;
         for (x, n) in x.iter_mut().zip(&mut n) {
-            *x = self.max(*x, self.splat(-126.0));
             *n = self.round(*x);
             *x = self.sub(*x, *n);
         }
