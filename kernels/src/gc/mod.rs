@@ -14,6 +14,8 @@ pub mod oracle;
 mod pair_distances;
 mod parameter_planes;
 mod strip;
+#[cfg(all(test, target_arch = "x86_64"))]
+mod subnormals;
 mod tap_sums;
 mod taps;
 mod vector;

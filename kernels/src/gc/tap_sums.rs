@@ -77,11 +77,11 @@ pub(super) fn begin<S: Simd>(s: S, p: &[S::F], gradient: bool, sums: &mut [f32])
 /// Taps whose weights are computed at once.
 const AT_ONCE: usize = 4;
 
-/// Exponent from which on a weight is 0: 2^x - 2^-64 there, which is 2^x where it matters. Without it the weights beyond an edge
+/// Exponent from which on a weight is 0: 2^x - 2^-100 there, which is 2^x where it matters. Without it the weights beyond an edge
 /// of the picture would be so small that their sums are subnormal, where Intel's processors take a hundred times as long.
-const FAINTEST: f32 = -64.0;
+const FAINTEST: f32 = -100.0;
 /// 2 to the power of [`FAINTEST`].
-const FAINTEST_WEIGHT: f32 = 1.0 / (1_u128 << 64) as f32;
+const FAINTEST_WEIGHT: f32 = 1.0 / (1_u128 << 100) as f32;
 
 /// First channels of the features that have slopes, in the order of the slopes.
 const SLOPED: [usize; 3] = [DENOISED, ALBEDO, NORMAL];
