@@ -2,7 +2,7 @@
 
 use super::WEIGHT_FLOOR;
 use super::strip::PITCH;
-use super::tap_sums::{KEPT, MOMENTS, RADIANCE_SUMS, SLOPE_SUMS, WEIGHT};
+use super::tap_sums::{KEPT, MOMENTS, RADIANCE_SUMS, SCALE, SLOPE_SUMS, WEIGHT};
 use super::vector::{difference, dot, load_vectors, load3, scaled};
 use crate::features::{DENOISED, FEATURE_CHANNELS, RADIANCE};
 use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, CENTRE, Form, GATE, SLOPE_COUNT, SLOPES};
@@ -20,7 +20,7 @@ pub(super) struct Complete<'a, S: Simd> {
     /// 1 where a pixel counts, 0 where it is missing.
     valid: S::F,
     sums: &'a [f32],
-    /// 1 / max(Σw, floor).
+    /// 1 / max(Σw, floor), of scaled weights.
     inverse: S::F,
     /// Σw is above its floor: 1, else 0.
     free: S::F,
@@ -33,9 +33,9 @@ impl<'a, S: Simd> Complete<'a, S> {
     pub(super) fn new(s: S, parameters: [S::F; MAX_PARAMETERS], masked: bool, centre: &[f32], sums: &'a [f32]) -> Self {
         let y = load3(s, centre, RADIANCE);
         let valid = if masked { s.load(&centre[FEATURE_CHANNELS * PITCH..]) } else { s.splat(1.0) };
-        let w_c = s.mul(parameters[CENTRE], valid);
+        let w_c = s.mul(s.mul(parameters[CENTRE], s.splat(SCALE)), valid);
         let weight = s.add(s.load(&sums[WEIGHT * S::LANES..]), w_c);
-        let floor = s.splat(WEIGHT_FLOOR);
+        let floor = s.splat(SCALE * WEIGHT_FLOOR);
         let inverse = s.div(s.splat(1.0), s.max(weight, floor));
         let mut g: [S::F; 3] = load_vectors(s, sums, RADIANCE_SUMS);
         for k in 0..3 {
@@ -71,11 +71,11 @@ impl<'a, S: Simd> Complete<'a, S> {
             gradient[GATE] = dot(s, &upstream, &difference(s, &self.g, &self.z));
             by_g = scaled(s, &upstream, self.parameters[GATE]);
         }
-        // By the sums: G / Σw.
-        let by_sum = scaled(s, &by_g, self.inverse);
+        // By the sums: G / Σw. The sums are scaled, so that what is made of them is.
+        let by_sum = scaled(s, &by_g, s.mul(self.inverse, s.splat(SCALE)));
         for i in 0..SLOPE_COUNT {
             let sum = s.load(&self.sums[(SLOPE_SUMS + i) * S::LANES..]);
-            gradient[SLOPES + i] = s.mul(by_sum[i % 3], sum);
+            gradient[SLOPES + i] = unscaled(s, s.mul(by_sum[i % 3], sum));
         }
         // A floored Σw no longer depends on the weights.
         let held = scaled(s, &self.g, self.free);
@@ -88,8 +88,18 @@ impl<'a, S: Simd> Complete<'a, S> {
             let about_g = difference(s, &[r, g, b], &scaled(s, &held, distance));
             // The logarithms are kept to the base 2.
             let unit = if m < 3 { -1.0 } else { -std::f32::consts::LN_2 };
-            gradient[BANDWIDTHS + m] = s.mul(dot(s, &by_sum, &about_g), s.splat(unit));
+            gradient[BANDWIDTHS + m] = unscaled(s, s.mul(dot(s, &by_sum, &about_g), s.splat(unit)));
         }
         gradient
     }
+}
+
+/// Gradients of parameters that are not larger are 0.
+const FAINTEST_GRADIENT: f32 = 1.0 / (1_u128 << 120) as f32;
+
+/// `scaled` / [`SCALE`], and 0 where that would be next to nothing: subnormal gradients would go through the whole network.
+#[inline(always)]
+fn unscaled<S: Simd>(s: S, scaled: S::F) -> S::F {
+    let above = s.sub(s.abs(scaled), s.splat(SCALE * FAINTEST_GRADIENT));
+    s.mul(s.where_positive(above, scaled), s.splat(1.0 / SCALE))
 }

@@ -6,7 +6,7 @@
 //! radius + 1 rows grow at the same time, and a row's is complete with the pairs of which it is the
 //! upper. Every pixel's taps come in the same order wherever the region's borders lie.
 //!
-//! Bound by arithmetic and loads alike: 39 vector operations per tap, 74 with the gradient, and 60 per pair; a tap's
+//! Bound by arithmetic and loads alike: 40 vector operations per tap, 75 with the gradient, and 60 per pair; a tap's
 //! loads lie anywhere, so with eight lanes two in five straddle cache lines. Polynomials are computed for several vectors at
 //! once ([`Simd::log2_1p_each`]), since one alone waits for itself. Only one pixel of a pair at a region's border is inside,
 //! so large regions cost least: 8 rows 10 to 15 % more per pixel than 32.

@@ -7,7 +7,7 @@ use super::from_sums::MAX_PARAMETERS;
 use super::kernel::{load_parameters, store_planes};
 use super::pair_distances::{Distances, RowTaps};
 use super::strip::{LEFT, PITCH, Rows, STRIP, at_column};
-use super::tap_sums::{Sums, TapRow, WEIGHT, begin, tap_values};
+use super::tap_sums::{SCALE, Sums, TapRow, WEIGHT, begin, tap_values};
 use super::{Correction, WEIGHT_FLOOR};
 use crate::aligned::Aligned;
 use crate::features::FEATURE_CHANNELS;
@@ -124,10 +124,10 @@ impl Means<'_> {
             let centre = at_column::<S>(work.rows.row(y as isize), x as isize);
             let valid =
                 if self.of.windows.masked() { s.load(&centre[FEATURE_CHANNELS * PITCH..]) } else { s.splat(1.0) };
-            let w_c = s.mul(p[CENTRE], valid);
+            let w_c = s.mul(s.mul(p[CENTRE], s.splat(SCALE)), valid);
             let sums = work.sums.at::<S>(y, x);
             let weight = s.add(s.load(&sums[WEIGHT * S::LANES..]), w_c);
-            let inverse = s.div(s.splat(1.0), s.max(weight, s.splat(WEIGHT_FLOOR)));
+            let inverse = s.div(s.splat(1.0), s.max(weight, s.splat(SCALE * WEIGHT_FLOOR)));
             let own = &work.planes.row(y as isize)[LEFT + x..];
             let at = y * self.of.region.width + left + x;
             for c in 0..self.planes.count() {

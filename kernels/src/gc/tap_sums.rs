@@ -4,7 +4,7 @@
 //! window, so they multiply the sums, not the terms. (x_c Σw - Σw x_i would be cheaper, but the small difference of large sums is
 //! noise in dark places.) For the gradient of the bandwidths
 //! Σw d_m (u_i - g) is needed, of which g is known only at the end: Σw d_m and Σw d_m (u_i - z_c) are
-//! added up for the five distances d_m, relative to z_c because that is near g.
+//! added up for the five distances d_m, relative to z_c because that is near g. All sums are [`SCALE`] times these.
 //!
 //! Several passes over the taps of a row, one for the weights, one for each channel and those of the gradient, keep to the
 //! registers that there are. Each row's taps are added up by themselves first: sums of some twenty values, and then of some
@@ -16,7 +16,7 @@ use super::vector::{add_vectors, load_vectors, store_vectors};
 use crate::aligned::Aligned;
 use crate::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, MAX_RADIUS, NORMAL, RADIANCE};
 use crate::parameters::{BANDWIDTH_COUNT, BANDWIDTHS, SLOPE_COUNT, SLOPES};
-use crate::simd::{MAX_LANES, Simd};
+use crate::simd::{Exp2, MAX_LANES, Simd};
 
 // The sums of one vector of pixels, in vectors from the first on.
 
@@ -77,11 +77,14 @@ pub(super) fn begin<S: Simd>(s: S, p: &[S::F], gradient: bool, sums: &mut [f32])
 /// Taps whose weights are computed at once.
 const AT_ONCE: usize = 4;
 
-/// Exponent from which on a weight is 0: 2^x - 2^-100 there, which is 2^x where it matters. Without it the weights beyond an edge
-/// of the picture would be so small that their sums are subnormal, where Intel's processors take a hundred times as long.
-const FAINTEST: f32 = -100.0;
-/// 2 to the power of [`FAINTEST`].
-const FAINTEST_WEIGHT: f32 = 1.0 / (1_u128 << 100) as f32;
+/// Weights and all their sums are multiplied by this, and less than 2^-126 is 0. Else those beyond an edge of the picture would be so
+/// small that their sums are subnormal, and for those Intel's processors take a hundred times as long.
+pub(super) const SCALE: f32 = (1_u64 << 48) as f32;
+/// [`SCALE`] 2^r.
+const SCALED: Exp2 = Exp2::times(SCALE);
+/// Least exponent of a weight, and what is taken off every weight, so that this one is 0.
+const FAINTEST: f32 = -126.0;
+const FAINTEST_WEIGHT: f32 = SCALE * f32::MIN_POSITIVE;
 
 /// First channels of the features that have slopes, in the order of the slopes.
 const SLOPED: [usize; 3] = [DENOISED, ALBEDO, NORMAL];
@@ -237,7 +240,7 @@ impl<S: Simd> TapRow<'_, S> {
         for exponent in &mut exponents {
             *exponent = s.max(*exponent, faintest);
         }
-        let mut w = s.exp2_each(exponents);
+        let mut w = s.exp2_each(&SCALED, exponents);
         for (tap, w) in taps.iter().zip(&mut w) {
             *w = s.sub(*w, s.splat(FAINTEST_WEIGHT));
             if self.masked {

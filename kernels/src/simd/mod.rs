@@ -28,4 +28,4 @@ mod vector;
 
 pub use dispatch::{Kernel, dispatch};
 pub use isa::{ISA_VARIABLE, Isa, UnknownIsa};
-pub use vector::{MAX_LANES, Simd};
+pub use vector::{Exp2, MAX_LANES, Simd};

@@ -112,19 +112,19 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// 2^x; arguments below -126 give 2^-126.
     #[inline(always)]
     fn exp2(self, x: Self::F) -> Self::F {
-        self.exp2_each([self.max(x, self.splat(-126.0))])[0]
+        self.exp2_each(&Exp2::times(1.0), [self.max(x, self.splat(-126.0))])[0]
     }
 
-    /// 2^x of several vectors, x from -126 on, step by step for all of them: one alone would be a chain in which each step waits for
-    /// the one before.
+    /// A multiple of 2^x of several vectors, x from -126 on, step by step for all of them: one alone would be a chain in which each
+    /// step waits for the one before.
     #[inline(always)]
-    fn exp2_each<const N: usize>(self, mut x: [Self::F; N]) -> [Self::F; N] {
+    fn exp2_each<const N: usize>(self, multiple: &Exp2, mut x: [Self::F; N]) -> [Self::F; N] {
         let mut n = x;
         for (x, n) in x.iter_mut().zip(&mut n) {
             *n = self.round(*x);
             *x = self.sub(*x, *n);
         }
-        let mut powers = in_one_chain(self, &EXP2, &x);
+        let mut powers = in_one_chain(self, &multiple.0, &x);
         for (power, n) in powers.iter_mut().zip(n) {
             *power = self.scale(*power, n);
         }
@@ -157,8 +157,18 @@ pub trait Simd: Copy + Send + Sync + 'static {
     }
 }
 
-/// Minimax coefficients of 2^r on [-1/2, 1/2], lowest power first.
-const EXP2: [f32; 6] = [1.0, 0.693_146_94, 0.240_221_2, 0.055_507_13, 0.009_675_541, 0.001_327_647];
+/// A multiple of 2^r on [-1/2, 1/2] as a polynomial, lowest power first.
+pub struct Exp2([f32; 6]);
+
+impl Exp2 {
+    /// `factor` 2^r, minimax but for the factor, a power of two.
+    pub const fn times(factor: f32) -> Self {
+        const ONE: [f32; 6] = [1.0, 0.693_146_94, 0.240_221_2, 0.055_507_13, 0.009_675_541, 0.001_327_647];
+        let [a, b, c, d, e, f] = ONE;
+        Self([factor * a, factor * b, factor * c, factor * d, factor * e, factor * f])
+    }
+}
+
 /// Minimax coefficients of log2(1 + t) / t on [sqrt(1/2) - 1, sqrt(2) - 1].
 const LOG2_1P: [f32; 8] =
     [1.442_694_9, -0.721_352_8, 0.480_923_24, -0.360_239_62, 0.287_098_7, -0.248_876_88, 0.234_042_3, -0.145_811_51];
