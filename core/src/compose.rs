@@ -7,32 +7,25 @@
 use crate::blend_weight::{Evidence, WEIGHT_RADIUS};
 use crate::composite::{MIX_RADIUS, mix};
 use crate::composition::Composition;
-use crate::corrector::correct;
+use crate::corrector::PictureCorrection;
 use crate::estimate;
 use crate::first_or_mean::{Choice, choose};
 use crate::frame_sums::FrameSums;
 use crate::objective::triple;
 use crate::outlier_limit::{LIMIT_RADIUS, limit_outliers};
-use crate::plan::{BLOCK_ROWS, Plan};
+use crate::plan::Plan;
 use crate::prepare::{Guides, Prepared};
 use crate::threads::at_once;
-use crate::tiles::{ParameterSource, parameters};
+use crate::tiles::{ParameterSource, PictureTile, TileGrid};
+use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 use sspc_kernels::gc::Taps;
 use sspc_kernels::parameters::Form;
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
-use sspc_kernels::windows::Windows;
 use std::ops::Range;
-
-/// Rows that are corrected at a time are a multiple of this, and this of the plan's blocks: none is cut.
-const ROWS_AT_ONCE: usize = 128;
-const _: () = assert!(ROWS_AT_ONCE.is_multiple_of(BLOCK_ROWS));
-/// Memory for the parameters of the rows that are corrected at a time: beyond it, rows do not hold more.
-const PARAMETER_BYTES: usize = 16 << 20;
-/// Threads for which that is enough; more of them have as much for each four.
-const THREADS_OF_PARAMETER_BYTES: usize = 4;
+use std::sync::Mutex;
 
 /// A band of rows, corrected and weighed.
 #[derive(Clone, Debug)]
@@ -209,30 +202,53 @@ impl Composer<'_> {
         let prepared = &*prepared.of_variant(k);
         let height = prepared.height();
         let finished = prepared.plan.within_rows(self.limited_rows(rows, height));
-        let mut halves = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
-        let mut full = (self.composition == Composition::JudgedFullBuffer).then(|| prepared.denoised.clone());
-        let step = self.rows_at_once(prepared.width(), source.tile());
-        for top in (0..height).step_by(step) {
-            let strip = top..(top + step).min(height);
-            let (weighed_strip, finished_strip) = (weighed.of_rows(strip.clone()), finished.of_rows(strip.clone()));
-            if weighed_strip.is_idle() {
-                continue;
-            }
-            let mut of_full = Vec::new();
-            for (h, half) in halves.iter_mut().enumerate() {
-                let parameters = parameters(source, k, &prepared.halves[h], weighed, strip.clone())?;
-                let g_c = |guides, plan: &Plan| self.g_c(prepared, (h, guides), &parameters, plan, &strip);
-                half.put_rows(top, &g_c(Guides::Half, &weighed_strip));
-                if full.is_some() && !finished_strip.is_idle() {
-                    of_full.push(g_c(Guides::Full, &finished_strip));
-                }
-            }
-            if let (Some(full), [a, b]) = (&mut full, &of_full[..]) {
-                full.put_rows(top, &prepared.weights.mean_of(a, b));
-            }
-        }
+        let halves = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
+        let full = (self.composition == Composition::JudgedFullBuffer).then(|| prepared.denoised.clone());
+        let grid = TileGrid::new(height, prepared.width(), source.tile(), source.shape().radius());
+        let tiles: Vec<PictureTile> =
+            grid.tiles_of_rows(0..height).into_iter().filter(|tile| weighed.touches(&tile.region)).collect();
+        let parts = parts_of_gc(tiles.len(), at_once());
+        // One tile is put in place while the others are computed.
+        let pictures = Mutex::new((halves, full));
+        tiles.into_par_iter().try_for_each(|tile| {
+            let runs = [weighed, &finished].map(|plan| plan.runs_in(&tile.region));
+            let of_half = |h| self.tile_of_half(prepared, source, (k, h), &tile, &runs, parts);
+            let (a, b) = rayon::join(|| of_half(0), || of_half(1));
+            let ((a, full_a), (b, full_b)) = (a?, b?);
+            let of_full = full_a.zip(full_b).map(|(a, b)| prepared.weights.mean_of(&a, &b));
+            let mut pictures = pictures.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            let (halves, full) = &mut *pictures;
+            let Region { top, left, .. } = tile.region;
+            halves.iter_mut().zip([a, b]).for_each(|(picture, half)| picture.put(top, left, &half));
+            full.iter_mut().zip(of_full).for_each(|(picture, full)| picture.put(top, left, &full));
+            Ok(())
+        })?;
+        let (halves, full) = pictures.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         let picture = full.unwrap_or_else(|| prepared.weights.mean_of(&halves[0], &halves[1]));
         Ok(Corrections { halves, picture, choice: None, mixed: None })
+    }
+
+    /// The pixels of a tile of half `h` by network `k`, `[3, rows, columns]`: by its own guides, and where the picture is made
+    /// of it, by those of the full buffer. `runs` are what is computed of either.
+    fn tile_of_half<S: ParameterSource + ?Sized>(
+        &self,
+        prepared: &Prepared,
+        source: &S,
+        (k, h): (usize, usize),
+        tile: &PictureTile,
+        runs: &[Vec<Region>; 2],
+        parts: usize,
+    ) -> Result<(Image, Option<Image>), S::Error> {
+        let Self { isa, form, taps, .. } = *self;
+        let parameters = tile.parameters(source, k, &prepared.halves[h])?;
+        let corrected = |guides, runs: &[Region]| {
+            let windows = prepared.windows(h, guides, tile.region, taps.radius());
+            PictureCorrection { isa, form, windows: &windows, taps, parameters: &parameters, runs, parts }.corrected()
+        };
+        let [own, full] = runs;
+        let is_full = self.composition == Composition::JudgedFullBuffer && !full.is_empty();
+        let full = || is_full.then(|| corrected(Guides::Full, full));
+        Ok(rayon::join(|| corrected(Guides::Half, own), full))
     }
 
     /// The rows of the picture that `rows` of it depend on.
@@ -250,35 +266,12 @@ impl Composer<'_> {
         let reach = self.margin() - self.taps.radius();
         rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
     }
-
-    /// Rows that are corrected at a time: as many as keep all threads busy, in whole tiles where the memory allows.
-    fn rows_at_once(&self, width: usize, tile: usize) -> usize {
-        rows_at_once(self.form, width, tile, at_once())
-    }
-
-    /// g_c of some rows of half `h`, `[3, rows, W]`.
-    fn g_c(
-        &self,
-        prepared: &Prepared,
-        (h, guides): (usize, Guides),
-        parameters: &Image,
-        plan: &Plan,
-        rows: &Range<usize>,
-    ) -> Image {
-        let size = (prepared.height(), prepared.width());
-        let fill = |c: usize, y: usize, row: &mut [f32]| prepared.feature_row(h, guides, c, y, row);
-        let (valid, set) = (prepared.valid.as_ref(), prepared.set);
-        let windows = Windows::of_rows(size, rows.clone(), fill, valid, set, self.taps.radius());
-        correct(self.isa, self.form, &windows, self.taps, parameters, plan)
-    }
 }
 
-/// Rows of a picture that are corrected at a time where so many threads can run at once.
-pub fn rows_at_once(form: Form, width: usize, tile: usize, threads: usize) -> usize {
-    let bytes_per_row = size_of::<f32>() * form.parameters() * width.max(1);
-    let bytes = PARAMETER_BYTES * threads.div_ceil(THREADS_OF_PARAMETER_BYTES).max(1);
-    let rows = bytes / bytes_per_row / ROWS_AT_ONCE * ROWS_AT_ONCE;
-    rows.max(tile.next_multiple_of(ROWS_AT_ONCE))
+/// In how many parts at least each g_c over one of so many tiles is divided where so many threads can run at once: there are four
+/// for each tile.
+pub fn parts_of_gc(tiles: usize, threads: usize) -> usize {
+    threads.div_ceil(2 * tiles.max(1))
 }
 
 /// A picture's corrections before they are weighed, `[3, H, W]` each; z where nothing was computed.

@@ -6,8 +6,6 @@
 //! noise to mend. (On 24 renders of three renderers this moves it by less than a third, but where half of the picture is
 //! empty or black.)
 
-use rayon::prelude::*;
-
 /// Mean of the darker 95 % of the positive z̄ that is aimed at.
 const TARGET_MEAN: f64 = 0.25;
 /// Share of the pixels that count: emitters seen directly do not.
@@ -25,34 +23,93 @@ pub(crate) struct NoisyPixel {
 }
 
 /// 0.25 over the mean of the darker 95 % of some positive z̄; 1 of none.
-pub(crate) fn of_all(mut means: Vec<f64>) -> f32 {
+pub(crate) fn of_all(means: &[f32]) -> f32 {
     let count = ((means.len() as f64 * EXPOSED_SHARE).ceil() as usize).max(1).min(means.len());
-    if 0 < count && count < means.len() {
-        means.select_nth_unstable_by(count - 1, f64::total_cmp);
-    }
-    let mean = means[..count].iter().sum::<f64>() / count.max(1) as f64;
+    let classes = Classes::of(means);
+    let mut below = Held::default();
+    // What is below the class that the last of them lies in, and the least of that class.
+    let sum = match classes.0.iter().position(|class| {
+        let reached = below.count + class.count >= count;
+        below = if reached { below } else { below.and(class) };
+        reached
+    }) {
+        Some(last) => below.sum + in_order(means, last).take(count - below.count).map(f64::from).sum::<f64>(),
+        None => 0.0,
+    };
     // Beyond this range the squares of exposures and radiances leave f32.
-    let factor = (TARGET_MEAN / mean).clamp(1e-12, 1e12);
+    let factor = (TARGET_MEAN * count as f64 / sum).clamp(1e-12, 1e12);
     if factor.is_finite() && count > 0 { factor as f32 } else { 1.0 }
 }
 
 /// The same over the pixels that have noise to mend; over all where none has any.
 pub(crate) fn of_noisy(pixels: &[NoisyPixel]) -> f32 {
     let least = LEAST_NOISE * typical_noise(pixels);
-    of_all(pixels.iter().filter(|pixel| pixel.noise >= least).map(|pixel| f64::from(pixel.mean)).collect())
+    of_all(&pixels.iter().filter(|pixel| pixel.noise >= least).map(|pixel| pixel.mean).collect::<Vec<_>>())
 }
 
 /// The noise that half of all noise exceeds: the median over pixels, each as often as it is noisy.
 fn typical_noise(pixels: &[NoisyPixel]) -> f32 {
-    let mut noise: Vec<f32> = pixels.iter().map(|pixel| pixel.noise).collect();
-    noise.par_sort_unstable_by(f32::total_cmp);
-    let half = 0.5 * noise.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let noise: Vec<f32> = pixels.iter().map(|pixel| pixel.noise).collect();
+    let classes = Classes::of(&noise);
+    let half = 0.5 * classes.0.iter().map(|class| class.sum).sum::<f64>();
     let mut below = 0.0;
-    let exceeded = noise.iter().find(|v| {
-        below += f64::from(**v);
-        below >= half
-    });
-    exceeded.copied().unwrap_or(0.0)
+    for (at, class) in classes.0.iter().enumerate().filter(|(_, class)| class.count > 0) {
+        if below + class.sum >= half {
+            let mut sum = below;
+            let reaches = |value: &f32| {
+                sum += f64::from(*value);
+                sum >= half
+            };
+            // Rounded otherwise in the end, the sum may stay below by its last bit.
+            let class: Vec<f32> = in_order(&noise, at).collect();
+            return class.iter().copied().find(reaches).or(class.last().copied()).unwrap_or(0.0);
+        }
+        below += class.sum;
+    }
+    0.0
+}
+
+/// Leading bits of an f32 that make its class: sign, exponent and four bits more.
+const CLASS_BITS: u32 = 13;
+
+/// How many values there are, and their sum.
+#[derive(Clone, Copy, Default)]
+struct Held {
+    count: usize,
+    sum: f64,
+}
+
+impl Held {
+    fn and(self, other: &Self) -> Self {
+        Self { count: self.count + other.count, sum: self.sum + other.sum }
+    }
+}
+
+/// Values that are not negative, in classes of rising size: what lies among them need not be sorted where few of them are
+/// asked for.
+struct Classes(Vec<Held>);
+
+impl Classes {
+    fn of(values: &[f32]) -> Self {
+        let mut classes = vec![Held::default(); 1 << CLASS_BITS];
+        for value in values {
+            let class = &mut classes[class_of(*value)];
+            class.count += 1;
+            class.sum += f64::from(*value);
+        }
+        Self(classes)
+    }
+}
+
+fn class_of(value: f32) -> usize {
+    (value.to_bits() >> (u32::BITS - CLASS_BITS)) as usize
+}
+
+/// The values of one class, from the least on.
+fn in_order(values: &[f32], class: usize) -> impl Iterator<Item = f32> {
+    let mut of_class: Vec<f32> = values.iter().copied().filter(|value| class_of(*value) == class).collect();
+    of_class.sort_unstable_by(f32::total_cmp);
+    of_class.into_iter()
 }
 
 #[cfg(test)]
@@ -65,12 +122,16 @@ mod tests {
         (0..10_000).map(|i| of(if i < 160 { 0.5 } else { background })).collect()
     }
 
+    fn means(pixels: &[NoisyPixel]) -> Vec<f32> {
+        pixels.iter().map(|pixel| pixel.mean).collect()
+    }
+
     #[test]
     fn a_dark_background_does_not_decide() {
         for background in [1e-6, 1e-5, 1e-4, 1e-3] {
             assert_eq!(of_noisy(&picture(background)), 0.5, "{background}");
         }
-        assert!(of_all(picture(1e-5).iter().map(|pixel| f64::from(pixel.mean)).collect()) > 1e4);
+        assert!(of_all(&means(&picture(1e-5))) > 1e4);
     }
 
     #[test]
@@ -80,8 +141,38 @@ mod tests {
             (1..1000).map(|i| of(i as f32 * 0.001)).collect()
         };
         for pixels in [ramp(|mean| 0.1 * mean.max(0.1)), ramp(|_| 0.0)] {
-            assert_eq!(of_noisy(&pixels), of_all(pixels.iter().map(|pixel| f64::from(pixel.mean)).collect()));
+            assert_eq!(of_noisy(&pixels), of_all(&means(&pixels)));
         }
         assert_eq!(of_noisy(&[]), 1.0);
+    }
+
+    /// All values sorted, as the equations say it.
+    #[test]
+    fn classes_find_what_sorting_finds() {
+        let rng = &mut crate::rng::Rng::new(3);
+        for count in [1, 2, 19, 20, 21, 1000] {
+            for spread in [0.0, 0.01, 1.0, 20.0] {
+                let mut of = || (spread * rng.normal()).exp();
+                let pixels: Vec<_> = (0..count).map(|_| NoisyPixel { mean: of(), noise: of() }).collect();
+                let sorted = |of: fn(&NoisyPixel) -> f32| {
+                    let mut values: Vec<f64> = pixels.iter().map(|pixel| f64::from(of(pixel))).collect();
+                    values.sort_unstable_by(f64::total_cmp);
+                    values
+                };
+                let darker = &sorted(|pixel| pixel.mean)[..(count as f64 * EXPOSED_SHARE).ceil() as usize];
+                let expected = TARGET_MEAN / (darker.iter().sum::<f64>() / darker.len() as f64);
+                let found = f64::from(of_all(&means(&pixels)));
+                assert!(
+                    (found / expected.clamp(1e-12, 1e12) - 1.0).abs() < 1e-6,
+                    "{count} {spread}: {found} {expected}"
+                );
+                let noise = sorted(|pixel| pixel.noise);
+                let half = 0.5 * noise.iter().sum::<f64>();
+                let at = (1..=count).find(|n| noise[..*n].iter().sum::<f64>() >= half).unwrap_or(count);
+                let found = f64::from(typical_noise(&pixels));
+                // By rounding half of all may be reached one value earlier or later.
+                assert!(noise[at.saturating_sub(2)..(at + 1).min(count)].contains(&found), "{count} {spread}: {found}");
+            }
+        }
     }
 }

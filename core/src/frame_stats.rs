@@ -10,6 +10,8 @@ use sspc_kernels::features::FeatureSet;
 
 /// Rows that one thread looks at, at a time.
 const ROWS_PER_JOB: usize = 8;
+/// The same of values.
+const VALUES_PER_JOB: usize = 1 << 14;
 
 /// Whether radiance is brought to the method's scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -145,7 +147,8 @@ pub(crate) fn validity(frame: &Frame) -> Image {
 /// 1 where a feature is finite in both halves, 0 where it is missing, `[1, H, W]`; `None` where it is missing nowhere.
 pub(crate) fn presence(frame: &Frame, feature: Role) -> Option<Image> {
     let images: Vec<&Image> = [&frame.a, &frame.b].into_iter().filter_map(|half| half.feature(feature)).collect();
-    let is_finite = |image: &&Image| image.data().par_iter().all(|value| value.is_finite());
+    let of_run = |values: &[f32]| values.iter().fold(true, |finite, value| finite & value.is_finite());
+    let is_finite = |image: &&Image| image.data().par_chunks(VALUES_PER_JOB).all(of_run);
     (!images.iter().all(is_finite)).then(|| finite_everywhere(&images, frame.height(), frame.width()))
 }
 
@@ -169,7 +172,7 @@ fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
 struct Collector {
     exposure: Exposure,
     /// Positive z̄ of valid pixels, both halves' mean, row after row, for the rule that needs no more.
-    means: Vec<f64>,
+    means: Vec<f32>,
     /// The same with the noise.
     noisy_pixels: Vec<NoisyPixel>,
     /// Albedo, normal, visibility.
@@ -202,8 +205,8 @@ impl Collector {
         let valid = validity(band);
         match self.exposure {
             Exposure::AsIs => {}
-            Exposure::Normalised => add_pixels(band, &valid, mean_of_pixel, &mut self.means),
-            Exposure::OfNoise => add_pixels(band, &valid, noise_of_pixel, &mut self.noisy_pixels),
+            Exposure::Normalised => add_pixels(band, &valid, |pixel| pixel.mean, &mut self.means),
+            Exposure::OfNoise => add_pixels(band, &valid, |pixel| pixel, &mut self.noisy_pixels),
         }
         self.independence.look(band, &valid);
         for (variation, feature) in self.features.iter_mut().zip(Role::FEATURES) {
@@ -216,8 +219,9 @@ impl Collector {
         let counts = rows.map(|y| {
             let valid = valid.row(0, y);
             let planes = colours(band).flat_map(|image| (0..image.channels()).map(move |c| image.row(c, y)));
-            let negative: usize =
-                planes.map(|row| row.iter().zip(valid).filter(|(v, ok)| **v < 0.0 && **ok != 0.0).count()).sum();
+            let negative_in =
+                |row: &[f32]| row.iter().zip(valid).map(|(v, ok)| u32::from((*v < 0.0) & (*ok != 0.0))).sum::<u32>();
+            let negative = planes.map(|row| negative_in(row) as usize).sum();
             (valid.iter().filter(|v| **v == 0.0).count(), negative)
         });
         let (missing, negative) = counts.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
@@ -232,7 +236,7 @@ impl Collector {
         let set = FeatureSet { albedo, normal, visibility }.without(unusable);
         let exposure = match self.exposure {
             Exposure::AsIs => 1.0,
-            Exposure::Normalised => exposure::of_all(self.means),
+            Exposure::Normalised => exposure::of_all(&self.means),
             Exposure::OfNoise => exposure::of_noisy(&self.noisy_pixels),
         };
         let independence = self.independence.finish();
@@ -274,21 +278,12 @@ impl Variation {
     }
 }
 
-/// Three channels of a row of each half.
-type RowPair<'a> = [(&'a [f32], &'a [f32]); 3];
-
-/// Adds what `of_pixel` says of each valid pixel's z and y, row after row.
-fn add_pixels<T: Copy + Send>(
-    band: &Frame,
-    valid: &Image,
-    of_pixel: fn(&RowPair, &RowPair, usize) -> Option<T>,
-    out: &mut Vec<T>,
-) {
+/// Adds what `of` takes of the brightness and noise of each valid pixel that is not black, row after row.
+fn add_pixels<T: Copy + Send>(band: &Frame, valid: &Image, of: impl Fn(NoisyPixel) -> T + Sync, out: &mut Vec<T>) {
     let of_row = |y: usize| -> Vec<T> {
-        let z: RowPair = std::array::from_fn(|c| (band.a.denoised.row(c, y), band.b.denoised.row(c, y)));
-        let radiance: RowPair = std::array::from_fn(|c| (band.a.radiance.row(c, y), band.b.radiance.row(c, y)));
-        let valid = valid.row(0, y);
-        (0..valid.len()).filter(|&x| valid[x] != 0.0).filter_map(|x| of_pixel(&z, &radiance, x)).collect()
+        let (mean, noise) = brightness_and_noise(band, y);
+        let pixels = mean.iter().zip(&noise).zip(valid.row(0, y)).filter(|((mean, _), ok)| **ok != 0.0 && **mean > 0.0);
+        pixels.map(|((&mean, &noise), _)| of(NoisyPixel { mean, noise })).collect()
     };
     // In turns, so that few rows are held twice.
     for top in (0..band.height()).step_by(64) {
@@ -297,15 +292,21 @@ fn add_pixels<T: Copy + Send>(
     }
 }
 
-/// z̄ of a pixel, both halves' mean, where it is positive.
-fn mean_of_pixel(z: &RowPair, _: &RowPair, x: usize) -> Option<f64> {
-    let mean = z.iter().map(|(a, b)| f64::from(a[x].max(0.0)) + f64::from(b[x].max(0.0))).sum::<f64>() / 6.0;
-    (mean > 0.0).then_some(mean)
-}
-
-/// The same with the pixel's noise.
-fn noise_of_pixel(z: &RowPair, radiance: &RowPair, x: usize) -> Option<NoisyPixel> {
-    let mean = mean_of_pixel(z, radiance, x)? as f32;
-    let apart = radiance.iter().map(|(a, b)| (a[x].max(0.0) - b[x].max(0.0)).abs()).sum::<f32>() / 3.0;
-    Some(NoisyPixel { mean, noise: apart.min(mean) })
+/// z̄, both halves' mean, and the noise, at most that, of every pixel of row `y`.
+fn brightness_and_noise(band: &Frame, y: usize) -> (Vec<f32>, Vec<f32>) {
+    let width = band.width();
+    let (mut sums, mut noise) = (vec![0.0; width], vec![0.0; width]);
+    for c in 0..3 {
+        let pairs = band.a.denoised.row(c, y).iter().zip(band.b.denoised.row(c, y));
+        for (sum, (a, b)) in sums.iter_mut().zip(pairs) {
+            *sum += f64::from(a.max(0.0)) + f64::from(b.max(0.0));
+        }
+        let pairs = band.a.radiance.row(c, y).iter().zip(band.b.radiance.row(c, y));
+        for (noise, (a, b)) in noise.iter_mut().zip(pairs) {
+            *noise += (a.max(0.0) - b.max(0.0)).abs();
+        }
+    }
+    let mean: Vec<f32> = sums.iter().map(|sum| (sum / 6.0) as f32).collect();
+    noise.iter_mut().zip(&mean).for_each(|(noise, mean)| *noise = (*noise / 3.0).min(*mean));
+    (mean, noise)
 }

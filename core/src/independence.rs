@@ -216,20 +216,30 @@ fn ratio(a: f64, b: f64) -> f64 {
 /// Sums of the pixels of row `y`, one for each block that it crosses.
 fn row_sums(band: &Frame, valid: &[f32], y: usize) -> Vec<BlockSums> {
     let mut sums = vec![BlockSums::default(); valid.len().div_ceil(BLOCK)];
-    let is_valid = |x: &usize| valid[*x] != 0.0;
-    (0..valid.len()).filter(is_valid).for_each(|x| sums[x / BLOCK].pixels += 1.0);
-    for k in 0..3 {
-        let planes = [&band.a.radiance, &band.a.denoised, &band.b.radiance, &band.b.denoised].map(|i| i.row(k, y));
-        for x in (0..valid.len()).filter(is_valid) {
-            let block = &mut sums[x / BLOCK];
-            let [y_a, z_a, y_b, z_b] = planes.map(|row| f64::from(row[x]));
-            let (a, b, z) = (y_a - z_a, y_b - z_b, 0.5 * (z_a + z_b));
-            let products = [a * a, b * b, a * b];
-            block.residuals.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
-            block.noise += (y_a - y_b).powi(2);
-            block.squared += z * z;
-            block.colour[0][k] += z_a;
-            block.colour[1][k] += z_b;
+    let planes = |k| [&band.a.radiance, &band.a.denoised, &band.b.radiance, &band.b.denoised].map(|i| i.row(k, y));
+    let planes = [planes(0), planes(1), planes(2)];
+    for (block, first) in sums.iter_mut().zip((0..valid.len()).step_by(BLOCK)) {
+        let columns = first..(first + BLOCK).min(valid.len());
+        let valid = &valid[columns.clone()];
+        block.pixels = valid.iter().filter(|valid| **valid != 0.0).count() as f64;
+        for (k, planes) in planes.iter().enumerate() {
+            let [y_a, z_a, y_b, z_b] = planes.map(|row| &row[columns.clone()]);
+            let ([mut of_a, mut of_b, mut of_both], mut noise, mut squared) =
+                (block.residuals, block.noise, block.squared);
+            let [mut colour_a, mut colour_b] = [0.0; 2];
+            for x in (0..valid.len()).filter(|x| valid[*x] != 0.0) {
+                let [y_a, z_a, y_b, z_b] = [y_a[x], z_a[x], y_b[x], z_b[x]].map(f64::from);
+                let (a, b, z) = (y_a - z_a, y_b - z_b, 0.5 * (z_a + z_b));
+                of_a += a * a;
+                of_b += b * b;
+                of_both += a * b;
+                noise += (y_a - y_b).powi(2);
+                squared += z * z;
+                colour_a += z_a;
+                colour_b += z_b;
+            }
+            (block.residuals, block.noise, block.squared) = ([of_a, of_b, of_both], noise, squared);
+            [block.colour[0][k], block.colour[1][k]] = [colour_a, colour_b];
         }
     }
     sums

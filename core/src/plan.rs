@@ -112,8 +112,14 @@ impl Plan {
 
     /// Runs of active blocks of one block row, as wide as they go: what g_c is computed on.
     pub fn runs(&self) -> Vec<Region> {
+        self.runs_in(&Region::whole(self.height, self.width))
+    }
+
+    /// The same in the pixels of `region`, counted from its first.
+    pub fn runs_in(&self, region: &Region) -> Vec<Region> {
         let mut runs: Vec<Region> = Vec::new();
-        for block in self.active_blocks() {
+        for block in self.blocks_at(region).filter(|&block| self.active[block]) {
+            let block = self.block(block).inside(region);
             match runs.last_mut() {
                 Some(run) if run.top == block.top && run.left + run.width == block.left => run.width += block.width,
                 _ => runs.push(block),
@@ -124,9 +130,15 @@ impl Plan {
 
     /// Whether any block that touches the region is active.
     pub fn touches(&self, region: &Region) -> bool {
+        self.blocks_at(region).any(|block| self.active[block])
+    }
+
+    /// Blocks that touch the region, in row order.
+    fn blocks_at(&self, region: &Region) -> impl Iterator<Item = usize> {
         let rows = region.top / BLOCK_ROWS..(region.top + region.height).div_ceil(BLOCK_ROWS);
         let columns = region.left / BLOCK_COLUMNS..(region.left + region.width).div_ceil(BLOCK_COLUMNS);
-        rows.into_iter().any(|row| columns.clone().any(|column| self.active[row * self.columns() + column]))
+        let of_row = self.columns();
+        rows.flat_map(move |row| columns.clone().map(move |column| row * of_row + column))
     }
 }
 

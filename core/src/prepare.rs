@@ -5,6 +5,8 @@ use crate::differences::Differences;
 use crate::plan::Plan;
 use sspc_image::{DenoisedVariant, Frame, HalfBuffer, HalfWeights, Image, Role};
 use sspc_kernels::features::{ALBEDO, DENOISED, FEATURE_CHANNELS, FeatureSet, NORMAL, RADIANCE, VISIBILITY};
+use sspc_kernels::region::Region;
+use sspc_kernels::windows::Windows;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
@@ -197,19 +199,29 @@ impl Prepared {
         self.denoised.width()
     }
 
-    /// Row `y` of feature `c` of half `h`, with z and the other features of the guides asked for; y is
-    /// always the half's. The full buffer's are what g_c is evaluated on when the picture is made.
-    pub fn feature_row(&self, h: usize, guides: Guides, c: usize, y: usize, row: &mut [f32]) {
-        let own = self.halves[h].row(c, y);
+    /// Some columns of row `y` of feature `c` of half `h`, with z and the other features of the guides asked for; y is always
+    /// the half's. The full buffer's are what g_c is evaluated on when the picture is made.
+    pub fn features(&self, h: usize, guides: Guides, c: usize, y: usize, columns: Range<usize>, out: &mut [f32]) {
+        let [own, other] = [h, 1 - h].map(|h| &self.halves[h].row(c, y)[columns.clone()]);
         match (guides, c) {
             (Guides::Full, ALBEDO..DENOISED) => {
-                let other = self.halves[1 - h].row(c, y);
                 let [of_own, of_other] = [h, 1 - h].map(|h| self.weights.of(h));
-                row.iter_mut().zip(own.iter().zip(other)).for_each(|(v, (a, b))| *v = of_own * a + of_other * b);
+                out.iter_mut().zip(own.iter().zip(other)).for_each(|(v, (a, b))| *v = of_own * a + of_other * b);
             }
-            (Guides::Full, DENOISED..) => row.copy_from_slice(self.denoised.row(c - DENOISED, y)),
-            _ => row.copy_from_slice(own),
+            (Guides::Full, DENOISED..) => out.copy_from_slice(&self.denoised.row(c - DENOISED, y)[columns]),
+            _ => out.copy_from_slice(own),
         }
+    }
+
+    /// The windows of g_c of some pixels, padded by `radius`, of the same features.
+    pub fn windows(&self, h: usize, guides: Guides, region: Region, radius: usize) -> Windows {
+        let valid = self.valid.as_ref();
+        let fill = |c: usize, y: usize, columns: Range<usize>, out: &mut [f32]| match valid {
+            Some(valid) if c == FEATURE_CHANNELS => out.copy_from_slice(&valid.row(0, y)[columns]),
+            _ => self.features(h, guides, c, y, columns, out),
+        };
+        let size = (self.height(), self.width());
+        Windows::of_region(size, region, fill, valid.is_some(), self.set, radius, Vec::new())
     }
 
     /// Row `y` of channel `k` of what the correction of half `h` is compared with: y of the other half.

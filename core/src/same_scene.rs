@@ -12,7 +12,9 @@
 //! Filters that splat samples correlate everywhere, so what counts is what exceeds the median. Different fur that fills more
 //! than half of the picture is therefore not told from such a filter; the warning of correlated neighbours names both.
 
+use rayon::prelude::*;
 use sspc_image::{Frame, Image, Role};
+use std::ops::Range;
 
 /// Side of a tile, pixels.
 pub const TILE: usize = 24;
@@ -88,20 +90,59 @@ struct Sums {
 }
 
 impl Sums {
-    fn pixel(&mut self, d: [f32; 3]) {
-        self.pixels += 1;
-        self.noisy += u32::from(d != [0.0; 3]);
-        for (c, d) in d.into_iter().map(f64::from).enumerate() {
-            self.sum[c] += d;
-            self.square[c] += d * d;
+    /// Adds a tile's part of a row of differences, NaN in all channels where there is none, and of the row above it.
+    fn add(&mut self, here: [&[f32]; 3], above: Option<[&[f32]; 3]>) {
+        let known = |row: [&[f32]; 3]| row[0].iter().fold(true, |known, d| known & !d.is_nan());
+        if known(here) && above.is_none_or(known) {
+            self.add_known(here, above);
+        } else {
+            self.add_some(here, above);
         }
     }
 
-    fn pair(&mut self, d: [f32; 3], e: [f32; 3]) {
-        self.pairs += 1;
-        for (c, (d, e)) in d.into_iter().zip(e).enumerate() {
-            self.product[c] += f64::from(d) * f64::from(e);
-            self.pair_sum[c] += f64::from(d) + f64::from(e);
+    /// The same where there is a difference in every pixel.
+    fn add_known(&mut self, here: [&[f32]; 3], above: Option<[&[f32]; 3]>) {
+        let [red, green, blue] = here;
+        let pixels = red.len();
+        self.pixels += pixels as u32;
+        self.pairs += (pixels - 1 + above.map_or(0, |_| pixels)) as u32;
+        let colours = red.iter().zip(green).zip(blue);
+        self.noisy += colours.map(|((r, g), b)| u32::from((*r != 0.0) | (*g != 0.0) | (*b != 0.0))).sum::<u32>();
+        for (c, here) in here.into_iter().enumerate() {
+            let (sum, square) = summed(here, here);
+            self.sum[c] += 0.5 * sum;
+            self.square[c] += square;
+            for (d, e) in [(&here[..pixels - 1], &here[1..])].into_iter().chain(above.map(|above| (here, above[c]))) {
+                let (sum, product) = summed(d, e);
+                self.pair_sum[c] += sum;
+                self.product[c] += product;
+            }
+        }
+    }
+
+    /// The same pixel by pixel.
+    fn add_some(&mut self, here: [&[f32]; 3], above: Option<[&[f32]; 3]>) {
+        let at = |row: [&[f32]; 3], x: usize| row.map(|row| row[x]);
+        let known = |d: &[f32; 3]| !d[0].is_nan();
+        for x in 0..here[0].len() {
+            let d = at(here, x);
+            if !known(&d) {
+                continue;
+            }
+            self.pixels += 1;
+            self.noisy += u32::from(d != [0.0; 3]);
+            for (c, d) in d.into_iter().map(f64::from).enumerate() {
+                self.sum[c] += d;
+                self.square[c] += d * d;
+            }
+            let right = (x + 1 < here[0].len()).then(|| at(here, x + 1));
+            for other in right.into_iter().chain(above.map(|above| at(above, x))).filter(known) {
+                self.pairs += 1;
+                for (c, (d, e)) in d.into_iter().zip(other).enumerate() {
+                    self.product[c] += f64::from(d) * f64::from(e);
+                    self.pair_sum[c] += f64::from(d) + f64::from(e);
+                }
+            }
         }
     }
 
@@ -120,14 +161,33 @@ impl Sums {
     }
 }
 
+/// Σ (d + e) and Σ d e, in four sums each, which do not wait for one another.
+fn summed(d: &[f32], e: &[f32]) -> (f64, f64) {
+    let (mut sums, mut products) = ([0.0; 4], [0.0; 4]);
+    let ((d, last_d), (e, last_e)) = (d.as_chunks::<4>(), e.as_chunks::<4>());
+    for (d, e) in d.iter().zip(e) {
+        for i in 0..4 {
+            let (d, e) = (f64::from(d[i]), f64::from(e[i]));
+            sums[i] += d + e;
+            products[i] += d * e;
+        }
+    }
+    for (d, e) in last_d.iter().zip(last_e) {
+        sums[0] += f64::from(*d) + f64::from(*e);
+        products[0] += f64::from(*d) * f64::from(*e);
+    }
+    let all = |sums: [f64; 4]| (sums[0] + sums[1]) + (sums[2] + sums[3]);
+    (all(sums), all(products))
+}
+
 /// Compares the halves of a frame that comes in bands from top to bottom, each row once.
 pub struct SceneComparison {
     width: usize,
     columns: usize,
     rows: usize,
     sums: [Vec<Sums>; KINDS],
-    /// Differences of the row above, of each kind; NaN where there is none.
-    above: [Vec<[f32; 3]>; KINDS],
+    /// Differences of the row above, of each kind.
+    above: [Differences; KINDS],
 }
 
 impl SceneComparison {
@@ -140,7 +200,7 @@ impl SceneComparison {
             columns,
             rows: 0,
             sums: std::array::from_fn(|_| vec![Sums::default(); tiles]),
-            above: std::array::from_fn(|_| vec![[f32::NAN; 3]; width]),
+            above: std::array::from_fn(|_| Differences::none(width)),
         }
     }
 
@@ -148,32 +208,31 @@ impl SceneComparison {
     pub fn look(&mut self, band: &Frame) {
         let pair = |role| band.a.feature(role).zip(band.b.feature(role));
         let images = [Some((&band.a.radiance, &band.b.radiance)), pair(Role::Albedo), pair(Role::Normal)];
-        for y in 0..band.height() {
-            let row = self.rows + y;
-            for (kind, images) in images.iter().enumerate() {
-                if let Some((a, b)) = images {
-                    self.look_at_row(kind, row, &differences((a, b), y, kind == 0));
+        let (first, last, width, columns) = (self.rows, self.rows + band.height(), self.width, self.columns);
+        if band.height() * width == 0 {
+            return;
+        }
+        let compared = self.sums.par_iter_mut().zip(self.above.par_iter_mut()).zip(images).enumerate();
+        compared.for_each(|(kind, ((sums, above), images))| {
+            let Some(images) = images else { return };
+            let of_row = |row: usize, differences: &mut Differences| differences.read(images, row - first, kind == 0);
+            // Tiles share nothing with those above them.
+            let tiles = sums[first / TILE * columns..last.div_ceil(TILE) * columns].par_chunks_mut(columns);
+            tiles.enumerate().for_each(|(at, sums)| {
+                let top = (first / TILE + at) * TILE;
+                let (mut here, mut before) = (Differences::none(width), above.clone());
+                for row in top.max(first)..(top + TILE).min(last) {
+                    of_row(row, &mut here);
+                    for (sums, x) in sums.iter_mut().zip((0..width).step_by(TILE)) {
+                        let columns = x..(x + TILE).min(width);
+                        sums.add(here.at(&columns), (row > top).then(|| before.at(&columns)));
+                    }
+                    std::mem::swap(&mut here, &mut before);
                 }
-            }
-        }
-        self.rows += band.height();
-    }
-
-    fn look_at_row(&mut self, kind: usize, row: usize, differences: &[[f32; 3]]) {
-        let first = row / TILE * self.columns;
-        let is_top = row.is_multiple_of(TILE);
-        let finite = |d: &[f32; 3]| d.iter().all(|value| value.is_finite());
-        for x in (0..self.width).filter(|&x| finite(&differences[x])) {
-            let (here, sums) = (differences[x], &mut self.sums[kind][first + x / TILE]);
-            sums.pixel(here);
-            if !(x + 1).is_multiple_of(TILE) && x + 1 < self.width && finite(&differences[x + 1]) {
-                sums.pair(here, differences[x + 1]);
-            }
-            if !is_top && finite(&self.above[kind][x]) {
-                sums.pair(here, self.above[kind][x]);
-            }
-        }
-        self.above[kind].copy_from_slice(differences);
+            });
+            of_row(last - 1, above);
+        });
+        self.rows = last;
     }
 
     /// Where the halves show different things, if they do.
@@ -220,22 +279,38 @@ impl SceneComparison {
     }
 }
 
-/// Differences of a row: of features as they are, of radiance by the sum, so that no brightness counts more.
-fn differences((a, b): (&Image, &Image), y: usize, by_sum: bool) -> Vec<[f32; 3]> {
-    let of = |x: usize| {
-        std::array::from_fn(|c| {
+/// Differences of the halves in a row, by channel; NaN in all of them where one is not finite.
+#[derive(Clone)]
+struct Differences([Vec<f32>; 3]);
+
+impl Differences {
+    fn none(width: usize) -> Self {
+        Self(std::array::from_fn(|_| vec![f32::NAN; width]))
+    }
+
+    fn at(&self, columns: &Range<usize>) -> [&[f32]; 3] {
+        self.0.each_ref().map(|row| &row[columns.clone()])
+    }
+
+    /// Those of row `y`: of features as they are, of radiance by the sum, so that no brightness counts more.
+    fn read(&mut self, (a, b): (&Image, &Image), y: usize, by_sum: bool) {
+        for (c, differences) in self.0.iter_mut().enumerate() {
             let c = c.min(a.channels() - 1);
-            let (a, b) = (a.row(c, y)[x], b.row(c, y)[x]);
-            let (p, q) = (a.max(0.0), b.max(0.0));
-            match by_sum {
-                false => a - b,
-                true if !a.is_finite() || !b.is_finite() => f32::NAN,
-                true if p + q > 0.0 => (p - q) / (p + q),
-                true => 0.0,
+            for ((d, a), b) in differences.iter_mut().zip(a.row(c, y)).zip(b.row(c, y)) {
+                let (p, q) = (a.max(0.0), b.max(0.0));
+                let relative = if p + q > 0.0 { (p - q) / (p + q) } else { 0.0 };
+                let of_both = if by_sum { relative } else { a - b };
+                // NaN of an infinite difference, and of infinite values.
+                *d = of_both + 0.0 * (a - b);
             }
-        })
-    };
-    (0..a.width()).map(of).collect()
+        }
+        let [red, green, blue] = &mut self.0;
+        for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+            if (*r + *g + *b).is_nan() {
+                (*r, *g, *b) = (f32::NAN, f32::NAN, f32::NAN);
+            }
+        }
+    }
 }
 
 #[cfg(test)]

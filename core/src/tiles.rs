@@ -102,8 +102,7 @@ pub fn parameters<S: ParameterSource + ?Sized>(
     let parameters = Mutex::new(Image::zeros(shape.outputs, rows.len(), features.width()));
     let tiles = grid.tiles_of_rows(rows.clone()).into_par_iter().filter(|tile| plan.touches(&tile.region));
     tiles.try_for_each(|tile| {
-        let window = features.crop(tile.window.top, tile.window.left, tile.window.height, tile.window.width);
-        let computed = source.window(k, window, tile.in_window())?;
+        let computed = tile.parameters(source, k, features)?;
         let mut parameters = parameters.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         parameters.put(tile.region.top - rows.start, tile.region.left, &computed);
         Ok(())
@@ -174,5 +173,19 @@ impl PictureTile {
     pub fn in_window(&self) -> Region {
         let (top, left) = (self.region.top - self.window.top, self.region.left - self.window.left);
         Region { top, left, ..self.region }
+    }
+
+    /// Activated parameters of its pixels `[P, rows, columns]`, by network `k`, of a picture's features `[13, H, W]`.
+    ///
+    /// # Errors
+    /// What the source fails with.
+    pub fn parameters<S: ParameterSource + ?Sized>(
+        &self,
+        source: &S,
+        k: usize,
+        features: &Image,
+    ) -> Result<Image, S::Error> {
+        let Region { top, left, height, width } = self.window;
+        source.window(k, features.crop(top, left, height, width), self.in_window())
     }
 }

@@ -27,6 +27,7 @@ use crate::resolve::Resolution;
 use crate::window::Window;
 use exr::meta::attribute::SampleType;
 use exr::prelude::f16;
+use rayon::prelude::*;
 use sspc_image::{Image, Storage};
 use std::fs::File;
 use std::io::Read;
@@ -37,7 +38,7 @@ use std::sync::Arc;
 const HALF_MAX: f32 = 65_504.0;
 /// Below this mean magnitude half floats run into their subnormals (6.1e-5) and lose relative precision.
 const HALF_COARSE: f64 = 1e-3;
-/// Rows that are read back at a time.
+/// Rows that one thread reads back at a time.
 const CHECKED_ROWS: usize = 64;
 
 /// A copy of a template that is known to be possible, waiting for its pictures.
@@ -219,7 +220,8 @@ fn check_written(path: &Path, copy: &Copy, pictures: &[Placed]) -> Result<(), St
     }
     let height = pictures.iter().map(|picture| picture.window.height).max().unwrap_or(0);
     // All channels together: their part is decompressed once.
-    (0..height).step_by(CHECKED_ROWS).try_for_each(|top| check_rows(&written, copy.targets(), pictures, top))
+    let bands = (0..height.div_ceil(CHECKED_ROWS)).into_par_iter().map(|band| band * CHECKED_ROWS);
+    bands.try_for_each(|top| check_rows(&written, copy.targets(), pictures, top))
 }
 
 /// Compares the rows of all pictures from `top` on with what is in the file.

@@ -3,7 +3,7 @@
 //! FOLDER network.onnx, rows.f32 and corrected.f32, parameters and g_c of some rows, for other engines to be compared
 //! with. `bench/network` runs it beside onnxruntime and PyTorch.
 
-use sspc_core::corrector::correct;
+use sspc_core::corrector::PictureCorrection;
 use sspc_core::plan::Plan;
 use sspc_core::tiles::{DEFAULT_TILE, parameters};
 use sspc_image::Image;
@@ -123,7 +123,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let side = (2 * taps.radius() + 1) as f64;
             let mut corrected = None;
             report("g_c of one half", FLOP_A_TAP * side * side * pixels, repeats, || {
-                corrected = Some(correct(best, Form::Gated, &windows, &taps, &parameters, &everything));
+                let of = PictureCorrection {
+                    isa: best,
+                    form: Form::Gated,
+                    windows: &windows,
+                    taps: &taps,
+                    parameters: &parameters,
+                    runs: &everything.runs(),
+                    parts: 1,
+                };
+                corrected = Some(of.corrected());
             });
             let Some(corrected) = corrected else { continue };
             std::fs::write(folder.join("corrected.f32"), some_rows(&corrected))?;

@@ -13,7 +13,8 @@ use sspc_kernels::network::{GradientPlanes, PackedNetwork, Shape, TilePlanes};
 use sspc_kernels::parameters::{self, Form};
 use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
-use sspc_kernels::windows::Windows;
+use sspc_kernels::windows::FeaturePlanes;
+use std::sync::Arc;
 
 /// Side of a tile, that of the preset `balanced`.
 const TILE: usize = 48;
@@ -31,9 +32,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let input: Vec<f32> = (0..FEATURE_CHANNELS * pixels).map(|_| rng.f32()).collect();
     if part.starts_with("gc") {
         let features = Image::from_planes(FEATURE_CHANNELS, TILE, TILE, input);
-        let rows = |c: usize, y: usize| features.row(c, y);
         let region = Region::whole(TILE, TILE);
-        let windows = Windows::of_region((TILE, TILE), region, rows, false, FeatureSet::ALL, PAPER_RADIUS, Vec::new());
+        let windows = FeaturePlanes::new(Arc::new(features), None, FeatureSet::ALL, PAPER_RADIUS);
+        let windows = windows.windows(region, Vec::new());
         let taps = Taps::square(PAPER_RADIUS);
         let mut values: Vec<f32> = (0..form.parameters() * pixels).map(|_| rng.f32()).collect();
         parameters::activate(isa, form, &mut values);

@@ -68,33 +68,39 @@ impl Windows {
     }
 
     /// Windows of the pixels of `region` of a picture of `size` (height, width), as those of the whole picture are there;
-    /// pixels count from the region's first. `row(channel, y)` gives the picture's rows, channel 13 its mask where `masked`;
-    /// `buffer` is the memory of earlier windows, or empty. For small regions on many threads: each is made by one.
+    /// pixels count from the region's first. `fill(channel, y, columns, out)` gives parts of the picture's rows, channel 13 its
+    /// mask where `masked`; `buffer` is the memory of earlier windows, or empty. For small regions on many threads: each is made
+    /// by one.
     ///
     /// # Panics
-    /// When the region leaves the picture, rows have another width, or the radius exceeds [`MAX_RADIUS`].
-    pub fn of_region<'a>(
+    /// When the region leaves the picture, or the radius exceeds [`MAX_RADIUS`].
+    pub fn of_region(
         size: (usize, usize),
         Region { top, left, height, width }: Region,
-        row: impl Fn(usize, usize) -> &'a [f32],
+        fill: impl Fn(usize, usize, Range<usize>, &mut [f32]),
         masked: bool,
         set: FeatureSet,
         radius: usize,
         buffer: Vec<f32>,
     ) -> Self {
         let (picture_height, picture_width) = size;
+        assert!(top + height <= picture_height && left + width <= picture_width, "the region leaves the picture");
         let mut windows = Self::within(buffer, height, width, masked, set, radius);
         let (padded_rows, first) = (height + 2 * radius, left as isize - radius as isize);
         // Columns of a padded row that lie inside the picture.
         let inside = radius.saturating_sub(left)..(picture_width + radius - left).min(windows.stride);
         for (line, padded) in windows.data.chunks_exact_mut(windows.stride).enumerate() {
             let (c, y) = (line / padded_rows, top + line % padded_rows);
-            let source = row(c, mirrored(y as isize - radius as isize, picture_height));
-            assert_eq!(source.len(), picture_width, "a row of the picture");
+            let y = mirrored(y as isize - radius as isize, picture_height);
             let from = (first + inside.start as isize) as usize;
-            padded[inside.clone()].copy_from_slice(&source[from..from + inside.len()]);
+            fill(c, y, from..from + inside.len(), &mut padded[inside.clone()]);
             for x in (0..inside.start).chain(inside.end..padded.len()) {
-                padded[x] = source[mirrored(first + x as isize, picture_width)];
+                let of = mirrored(first + x as isize, picture_width);
+                match of.checked_sub(from).filter(|at| *at < inside.len()) {
+                    Some(at) => padded[x] = padded[inside.start + at],
+                    // Beyond the window of a narrow region, where a vector still reads.
+                    None => fill(c, y, of..of + 1, &mut padded[x..=x]),
+                }
             }
         }
         windows
@@ -257,12 +263,15 @@ impl FeaturePlanes {
     /// memory of earlier windows, or empty.
     pub fn windows(&self, region: Region, buffer: Vec<f32>) -> Windows {
         let (features, valid) = (&self.features, self.valid.as_deref());
-        let row = |c: usize, y: usize| match valid.filter(|_| c == FEATURE_CHANNELS) {
-            Some(valid) => valid.row(0, y),
-            None => features.row(c, y),
+        let fill = |c: usize, y: usize, columns: Range<usize>, out: &mut [f32]| {
+            let row = match valid.filter(|_| c == FEATURE_CHANNELS) {
+                Some(valid) => valid.row(0, y),
+                None => features.row(c, y),
+            };
+            out.copy_from_slice(&row[columns]);
         };
         let size = (features.height(), features.width());
-        Windows::of_region(size, region, row, valid.is_some(), self.set, self.radius, buffer)
+        Windows::of_region(size, region, fill, valid.is_some(), self.set, self.radius, buffer)
     }
 }
 

@@ -5,10 +5,9 @@
 //! machine is faster than the chain, nor than the work divided by its threads: the gain at most is the work of one thread
 //! over the larger of both. Reading, writing and what is done by rows, of which there are thousands, are left out.
 
-use sspc_core::compose::rows_at_once;
-use sspc_core::corrector::Jobs;
+use sspc_core::compose::parts_of_gc;
 use sspc_core::objective::parts_of_tile;
-use sspc_core::tiles::{DEFAULT_TILE, TileGrid};
+use sspc_core::tiles::{DEFAULT_TILE, PictureTile, TileGrid};
 use sspc_image::Image;
 use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
 use sspc_kernels::gc::{Correction, ParameterPlanes, Taps};
@@ -107,38 +106,30 @@ fn step(preset: Preset) {
     }
 }
 
-/// Network and g_c of a picture with a model of `balanced`: halves one after the other, each with its own guides and with
-/// those of the full buffer.
+/// Network and g_c of a picture with a model of `balanced`: tile by tile both halves, each with its own guides and with those
+/// of the full buffer.
 fn correction(height: usize, width: usize) {
-    let Settings { shape, form, radius, .. } = Settings::of(Preset::Balanced, 1);
+    let Settings { shape, radius, .. } = Settings::of(Preset::Balanced, 1);
     println!("\nnetwork and g_c of a picture of {width} x {height}, a model of balanced\n");
     head();
-    let grid = TileGrid::new(height, width, DEFAULT_TILE, shape.radius());
+    let tiles = TileGrid::new(height, width, DEFAULT_TILE, shape.radius()).tiles_of_rows(0..height);
     let of_network: f64 = (0..shape.layers).map(|l| of_layer(&shape, l)).sum();
     let mut of_one = 0.0;
     for threads in THREADS {
-        let step = rows_at_once(form, width, DEFAULT_TILE, threads);
-        let (mut all, mut most) = (Stage::default(), 0);
-        for top in (0..height).step_by(step) {
-            let rows = top..(top + step).min(height);
-            let tiles = grid.tiles_of_rows(rows.clone());
-            let network = tiles.iter().map(|tile| of_network * tile.window.pixels() as f64);
-            let Jobs { rows: of_job, by_strips } = Jobs::new(rows.len(), width, threads);
-            let mut jobs = Vec::new();
-            for top in rows.clone().step_by(of_job) {
-                let region = Region { top, left: 0, height: of_job.min(rows.end - top), width };
-                jobs.extend(with_regions(region, radius, |job| match by_strips {
-                    true => job.in_parts(1).iter().map(|strip| strip.region).collect(),
-                    false => vec![job.region],
-                }));
-            }
-            let gc = Stage::of(jobs.iter().map(|region| of_gc(region, radius, 0)));
-            most = most.max(jobs.len().min(tiles.len()));
-            let of_half = Stage::of(network).then(gc).then(gc);
-            all = all.then(of_half).then(of_half);
-        }
+        let parts = parts_of_gc(tiles.len(), threads);
+        let of_halves = |tile: &PictureTile| {
+            let strips =
+                with_regions(tile.region, radius, |job| job.in_parts(parts).iter().map(|part| part.region).collect());
+            let gc = [&strips, &strips].into_iter().flatten().map(|region| of_gc(region, radius, 0));
+            let half = Stage::alone(of_network * tile.window.pixels() as f64).then(Stage::of(gc));
+            (Stage { work: 2.0 * half.work, chain: half.chain }, 4 * strips.len())
+        };
+        let add = |(sum, count): (Stage, usize), (tile, tasks): (Stage, usize)| {
+            (Stage { work: sum.work + tile.work, chain: sum.chain.max(tile.chain) }, count + tasks)
+        };
+        let (all, tasks) = tiles.iter().map(of_halves).fold((Stage::default(), 0), add);
         of_one = if threads == 1 { all.work } else { of_one };
-        all.print(threads, most, of_one);
+        all.print(threads, tasks, of_one);
     }
 }
 

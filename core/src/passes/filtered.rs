@@ -1,8 +1,9 @@
 //! The halves of passes averaged by the weights of g_c, which were fitted to the picture that they are parts of.
 
-use crate::corrector::means;
+use crate::corrector::PictureCorrection;
 use crate::plan::Plan;
 use crate::prepare::{Guides, Prepared};
+use crate::threads::at_once;
 use crate::tiles::{ParameterSource, parameters};
 use sspc_image::Image;
 use sspc_kernels::gc::Taps;
@@ -92,7 +93,9 @@ impl Filter<'_> {
     ) {
         let Strip { prepared, h, rows, plan, parameters } = strip;
         let (size, radius) = ((prepared.height(), prepared.width()), self.taps.radius());
-        let features = |c: usize, y: usize, row: &mut [f32]| prepared.feature_row(*h, Guides::Full, c, y, row);
+        let whole = 0..prepared.width();
+        let features =
+            |c: usize, y: usize, row: &mut [f32]| prepared.features(*h, Guides::Full, c, y, whole.clone(), row);
         let mask = valid.plane(0).contains(&0.0).then_some(valid);
         let windows = Windows::of_rows(size, rows.clone(), features, mask, prepared.set, radius);
         let planes_of = |(pass, image): (usize, &Image)| (0..image.channels()).map(move |c| (pass, c));
@@ -104,7 +107,17 @@ impl Filter<'_> {
         let padded = PaddedPlanes::of_rows(size, rows.clone(), planes.len(), fill, radius);
         let small = Taps::square(SMALL_RADIUS.min(radius));
         for (taps, averaged) in [self.taps, &small].into_iter().zip(averaged) {
-            for (region, values) in means(self.isa, self.form, &windows, &padded, taps, parameters, plan) {
+            let (runs, parts) = (plan.runs(), at_once());
+            let of = PictureCorrection {
+                isa: self.isa,
+                form: self.form,
+                windows: &windows,
+                taps,
+                parameters,
+                runs: &runs,
+                parts,
+            };
+            for (region, values) in of.means(&padded) {
                 for (values, (pass, c)) in values.chunks_exact(region.pixels()).zip(&planes) {
                     let plane = averaged[*pass].plane_mut(*c);
                     for (y, values) in values.chunks_exact(region.width).enumerate() {

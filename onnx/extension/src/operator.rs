@@ -7,6 +7,7 @@ use sspc_kernels::region::Region;
 use sspc_kernels::simd::Isa;
 use sspc_kernels::windows::Windows;
 use sspc_onnx::RADIUS_ATTRIBUTE;
+use std::ops::Range;
 
 /// Rows of a tile: fewer cost more per pixel, more leave threads without.
 const TILE_ROWS: usize = 32;
@@ -160,9 +161,11 @@ impl<'a> Job<'a> {
     /// g_c of a tile; gives the windows' memory back.
     fn tile(&self, image: usize, region: Region, buffer: Vec<f32>, corrected: &mut [f32]) -> Vec<f32> {
         let Operator { taps, isa } = self.operator;
-        let row = |c: usize, y: usize| self.row(image, c, y);
+        let fill = |c: usize, y: usize, columns: Range<usize>, out: &mut [f32]| {
+            out.copy_from_slice(&self.row(image, c, y)[columns]);
+        };
         let size = (self.height, self.width);
-        let windows = Windows::of_region(size, region, row, self.masked, self.sets[image], taps.radius(), buffer);
+        let windows = Windows::of_region(size, region, fill, self.masked, self.sets[image], taps.radius(), buffer);
         let plane = self.height * self.width;
         let parameters = ParameterPlanes {
             form: self.form,

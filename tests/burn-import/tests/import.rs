@@ -5,7 +5,7 @@ mod model;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use sspc_burn_import::{image, network};
-use sspc_core::corrector;
+use sspc_core::corrector::PictureCorrection;
 use sspc_core::plan::Plan;
 use sspc_core::rng::Rng;
 use sspc_core::tiles;
@@ -83,7 +83,16 @@ fn the_imported_image_graph_gives_our_picture() {
         let everything = Plan::everything(height, width);
         let ours = halves.each_ref().map(|half| {
             let windows = Windows::new(half, None, FeatureSet::ALL, taps.radius());
-            corrector::correct(Isa::best(), Form::Gated, &windows, &taps, &our_parameters(half), &everything)
+            let of = PictureCorrection {
+                isa: Isa::best(),
+                form: Form::Gated,
+                windows: &windows,
+                taps: &taps,
+                parameters: &our_parameters(half),
+                runs: &everything.runs(),
+                parts: 1,
+            };
+            of.corrected()
         });
         let found = values(found);
         for (h, ours) in ours.iter().enumerate() {

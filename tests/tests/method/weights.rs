@@ -41,13 +41,13 @@ fn guides_of_the_full_buffer_are_the_halves_weighted_mean() {
         let share = (samples[0] / (samples[0] + samples[1])) as f32;
         let mut row = vec![0.0; size.1];
         for (c, y, h) in (ALBEDO..DENOISED + 3).flat_map(|c| (0..size.0).map(move |y| (c, y, y % 2))) {
-            prepared.feature_row(h, Guides::Full, c, y, &mut row);
+            prepared.features(h, Guides::Full, c, y, 0..prepared.width(), &mut row);
             let [a, b] = [0, 1].map(|h| prepared.halves[h].row(c, y));
             for x in 0..size.1 {
                 let expected = share * a[x] + (1.0 - share) * b[x];
                 assert!((row[x] - expected).abs() <= 1e-6 * (1.0 + expected.abs()), "{c} {y} {x}");
             }
-            prepared.feature_row(h, Guides::Full, RADIANCE, y, &mut row);
+            prepared.features(h, Guides::Full, RADIANCE, y, 0..prepared.width(), &mut row);
             assert_eq!(row, prepared.halves[h].row(RADIANCE, y));
         }
     }

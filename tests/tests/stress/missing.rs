@@ -3,7 +3,7 @@
 use crate::frames::{changed, corrected, synthetic};
 use sspc_core::compose::Composer;
 use sspc_core::composition::Composition;
-use sspc_core::corrector;
+use sspc_core::corrector::PictureCorrection;
 use sspc_core::independence::Independence;
 use sspc_core::prepare::{Exposure, FrameStats, Prepared};
 use sspc_core::rng::Rng;
@@ -105,7 +105,16 @@ fn stages(frame: &Frame, stats: FrameStats) -> Stages {
     let planes = [0, 1].map(|h| planned(&window_network, &prepared.halves[h], &prepared.plan));
     let halves = [0, 1].map(|h| {
         let windows = Windows::new(&prepared.halves[h], prepared.valid.as_ref(), prepared.set, settings.radius);
-        corrector::correct(Isa::best(), settings.form, &windows, &taps, &planes[h], &prepared.plan)
+        let of = PictureCorrection {
+            isa: Isa::best(),
+            form: settings.form,
+            windows: &windows,
+            taps: &taps,
+            parameters: &planes[h],
+            runs: &prepared.plan.runs(),
+            parts: 1,
+        };
+        of.corrected()
     });
     let done = corrected(frame, trusted(stats), &settings, &network);
     assert_eq!(done.verdict.fallback, None, "a fallback would leave nothing to compare");
