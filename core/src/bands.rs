@@ -113,8 +113,9 @@ impl<'a> PreparedFrame<'a> {
 
     /// A frame that is given away as its features are made.
     pub fn of_owned(frame: Frame, stats: FrameStats, skip_still_blocks: bool) -> PreparedFrame<'static> {
-        let ground = Ground::of(&frame, &stats);
-        let (prepared, _) = Prepared::of_owned(frame, &stats);
+        let fill = Ground::fill_of(&frame, &stats);
+        let (prepared, denoised) = Prepared::of_owned(frame, &stats);
+        let ground = Ground { denoised: Cow::Owned(denoised), fill: Cow::Owned(fill) };
         let prepared = if skip_still_blocks { prepared } else { prepared.without_skips(&stats) };
         PreparedFrame { prepared: Some(prepared), stays: false, stats, ground }
     }

@@ -335,11 +335,11 @@ impl Corrections {
 /// Turns what the picture is made of into the share of its correction that is kept, 0 at missing pixels.
 fn keep_shares(prepared: &Prepared, picture: &mut Image, share: &Image) {
     picture.for_each_row(|c, y, row| {
-        let (share, z) = (share.row(0, y), prepared.denoised.row(c, y));
-        let valid = prepared.valid.as_ref().map(|valid| valid.row(0, y));
-        for (x, v) in row.iter_mut().enumerate() {
-            let kept = if valid.is_none_or(|valid| valid[x] != 0.0) { share[x] } else { 0.0 };
-            *v = kept * (*v - z[x]);
+        for ((v, share), z) in row.iter_mut().zip(share.row(0, y)).zip(prepared.denoised.row(c, y)) {
+            *v = share * (*v - z);
+        }
+        for (v, valid) in row.iter_mut().zip(prepared.valid.as_ref().map_or(&[][..], |valid| valid.row(0, y))) {
+            *v = if *valid != 0.0 { *v } else { 0.0 };
         }
     });
 }
@@ -348,10 +348,10 @@ fn keep_shares(prepared: &Prepared, picture: &mut Image, share: &Image) {
 fn blend(prepared: &Prepared, a: &mut Image, b: &Image, share: &Image) {
     a.for_each_row(|k, y, row| {
         let [z_a, z_b] = [0, 1].map(|h| prepared.halves[h].row(DENOISED + k, y));
-        let (b, share) = (b.row(k, y), share.row(0, y));
-        let blended = |z: f32, corrected: f32, share: f32| (z + share * (corrected - z)).max(0.0);
-        for (x, a) in row.iter_mut().enumerate() {
-            *a = prepared.weights.mean(blended(z_a[x], *a, share[x]), blended(z_b[x], b[x], share[x]));
+        let pixels = row.iter_mut().zip(b.row(k, y)).zip(z_a).zip(z_b).zip(share.row(0, y));
+        for ((((a, b), z_a), z_b), share) in pixels {
+            let (of_a, of_b) = ((z_a + share * (*a - z_a)).max(0.0), (z_b + share * (b - z_b)).max(0.0));
+            *a = prepared.weights.mean(of_a, of_b);
         }
     });
 }

@@ -13,6 +13,7 @@ use crate::frame_stats::FrameStats;
 use crate::frame_sums::{FrameSums, Verdict};
 use crate::prepare::{Prepared, baseline};
 use crate::tiles::ParameterSource;
+use rayon::join;
 use sspc_image::{Frame, Image};
 use sspc_kernels::gc::Taps;
 use sspc_kernels::parameters::Form;
@@ -76,25 +77,27 @@ pub struct Ground<'a> {
 impl Ground<'_> {
     /// The ground of a frame's rows.
     pub fn of(frame: &Frame, stats: &FrameStats) -> Ground<'static> {
-        let denoised = baseline(frame).into_owned();
+        let fill = Self::fill_of(frame, stats);
+        Ground { denoised: Cow::Owned(baseline(frame).into_owned()), fill: Cow::Owned(fill) }
+    }
+
+    /// Values of its missing pixels.
+    pub(crate) fn fill_of(frame: &Frame, stats: &FrameStats) -> Vec<(usize, [f32; 3])> {
         let missing = stats.found.missing_pixels > 0;
-        let fill = if missing { fill::values_from_sources(&denoised, frame) } else { Vec::new() };
-        Ground { denoised: Cow::Owned(denoised), fill: Cow::Owned(fill) }
+        if missing { fill::values_from_sources(&baseline(frame), frame) } else { Vec::new() }
     }
 
     /// The picture with a correction `[3, rows, W]` added that is in units of `exposure` times its own: the denoiser's,
     /// bit for bit, wherever nothing is added.
     fn picture(&self, exposure: f32, correction: Option<&Image>) -> Image {
-        let inverse = 1.0 / exposure;
-        let mut picture = self.denoised.clone().into_owned();
-        if let Some(correction) = correction {
-            picture.for_each_row(|k, y, row| {
-                for (x, c) in row.iter_mut().zip(correction.row(k, y)).filter(|(_, c)| **c != 0.0) {
-                    // The method knows no negative light: what is out of gamut stays the denoiser's.
-                    *x = if *x < 0.0 { *x } else { (*x + c * inverse).max(0.0) };
-                }
-            });
-        }
+        let (inverse, denoised) = (1.0 / exposure, &*self.denoised);
+        let mut picture = Image::from_rows(3, denoised.height(), denoised.width(), |k, y, row| {
+            row.copy_from_slice(denoised.row(k, y));
+            for (x, c) in row.iter_mut().zip(correction.map_or(&[][..], |correction| correction.row(k, y))) {
+                // The method knows no negative light: what is out of gamut stays the denoiser's.
+                *x = if *x < 0.0 || *c == 0.0 { *x } else { (*x + c * inverse).max(0.0) };
+            }
+        });
         fill::put(&mut picture, &self.fill);
         picture
     }
@@ -220,12 +223,15 @@ pub fn correct<B: BandSource, P: ParameterSource + ?Sized>(
         let read = Instant::now();
         active += prepared.plan.active_share * (rows.len() * width) as f64;
         let band = composer.rows(&prepared, parameters, inner).map_err(CorrectError::Parameters)?;
-        drop(prepared);
         kept += band.share.data().iter().map(|&s| f64::from(s)).sum::<f64>();
         of_mean += band.weight_of_mean;
         of_composite = band.weight_of_composite.map(|of_band| of_composite.unwrap_or(0.0) + of_band).or(of_composite);
         sums.append(band.sums);
-        picture.put_rows(rows.start, &ground.picture(exposure, Some(&band.correction)));
+        let (of_band, ()) = join(|| ground.picture(exposure, Some(&band.correction)), || drop(prepared));
+        match rows.len() == height {
+            true => picture = of_band,
+            false => picture.put_rows(rows.start, &of_band),
+        }
         if let Some(maps) = &mut maps {
             let mut halves = band.halves;
             halves.data_mut().iter_mut().for_each(|v| *v /= exposure);

@@ -16,6 +16,7 @@
 use crate::composition::Composition;
 use crate::estimate::{BLOCK, Blocks, Errors, Estimate, Losses, Mean};
 use crate::held_out;
+use crate::lanes::{LANES, lanes, lanes_of_colour};
 use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use crate::trust::Trust;
@@ -54,6 +55,7 @@ pub struct Verdict {
     pub fallback: Option<String>,
 }
 
+const _: () = assert!(LANES == BLOCK);
 /// Quantities of a pixel: losses of z, of the blended and of the whole correction, gain, and the errors of z, of the
 /// blended correction and the first less the second, under the finished and the denoised picture's brightness each; then the
 /// squares of those three under the finished one's.
@@ -204,67 +206,94 @@ impl<'a> Pixels<'a> {
 
     fn add_to(&self, blocks: &mut [BlockSum]) {
         for (block, (sums, count)) in blocks.iter_mut().enumerate() {
-            for x in block * BLOCK..((block + 1) * BLOCK).min(self.share.len()) {
-                if self.valid.is_none_or(|valid| valid[x] != 0.0) {
-                    sums.iter_mut().zip(self.quantities(x)).for_each(|(sum, value)| *sum += value);
-                    *count += 3.0;
+            let first = block * BLOCK;
+            let quantities = self.quantities(first);
+            let pixels = 0..LANES.min(self.share.len() - first);
+            let is_valid = |i: usize| self.valid.is_none_or(|valid| valid[first + i] != 0.0);
+            *count += 3.0 * pixels.clone().filter(|&i| is_valid(i)).count() as f64;
+            for (sum, values) in sums.iter_mut().zip(&quantities) {
+                for i in pixels.clone().filter(|&i| is_valid(i)) {
+                    *sum += values[i];
                 }
             }
         }
     }
 
-    #[inline(always)]
-    fn quantities(&self, x: usize) -> [f64; QUANTITIES] {
-        let mut losses = [0.0; 4];
-        let mut squared = [0.0; 2];
-        let mut blended = [[0.0f32; 3]; 2];
+    /// Of the pixels of a block.
+    fn quantities(&self, first: usize) -> [[f64; LANES]; QUANTITIES] {
+        let share = lanes(self.share, first);
+        let mut losses = [[0.0; LANES]; 4];
+        let mut squares = [[0.0; LANES]; 2];
+        let mut blended = [[[0.0f32; LANES]; 3]; 2];
         for (h, blended) in blended.iter_mut().enumerate() {
-            let z = [self.z[h][0][x], self.z[h][1][x], self.z[h][2][x]];
-            let weight = f64::from(weight_of(z, RELATIVE_FLOOR));
+            let z = lanes_of_colour(&self.z[h], first);
+            let corrected = lanes_of_colour(&self.corrected[h], first);
+            let radiance = lanes_of_colour(&self.radiance[1 - h], first);
             // ‖x - y‖² of z, blended and corrected, and what the second has less than the first.
-            let (mut of_z, mut of_blended, mut of_corrected, mut gain) = (0.0, 0.0, 0.0, 0.0);
+            let mut of = [[0.0; LANES]; 4];
             for k in 0..3 {
-                let (corrected, y) = (self.corrected[h][k][x], self.radiance[1 - h][k][x]);
-                let mixed = (z[k] + self.share[x] * (corrected - z[k])).max(0.0);
-                blended[k] = mixed;
-                let square = |from: f32| f64::from(from - y) * f64::from(from - y);
-                of_z += square(z[k]);
-                of_blended += square(mixed);
-                of_corrected += square(corrected);
-                // (p - y)² - (q - y)² without the cancellation of two large squares.
-                let (p, q) = (f64::from(z[k]), f64::from(mixed));
-                gain += (p - q) * (p + q - 2.0 * f64::from(y));
+                for i in 0..LANES {
+                    let mixed = (z[k][i] + share[i] * (corrected[k][i] - z[k][i])).max(0.0);
+                    blended[k][i] = mixed;
+                    let y = radiance[k][i];
+                    let of_values = [z[k][i] - y, mixed - y, corrected[k][i] - y].map(f64::from);
+                    of[0][i] += of_values[0] * of_values[0];
+                    of[1][i] += of_values[1] * of_values[1];
+                    of[2][i] += of_values[2] * of_values[2];
+                    // (p - y)² - (q - y)² without the cancellation of two large squares.
+                    let (p, q) = (f64::from(z[k][i]), f64::from(mixed));
+                    of[3][i] += (p - q) * (p + q - 2.0 * f64::from(y));
+                }
             }
-            for (loss, of) in losses.iter_mut().zip([of_z, of_blended, of_corrected, gain]) {
-                *loss += 0.5 * weight * of;
+            for i in 0..LANES {
+                let weight = f64::from(weight_of([z[0][i], z[1][i], z[2][i]], RELATIVE_FLOOR));
+                for (loss, of) in losses.iter_mut().zip(&of) {
+                    loss[i] += 0.5 * weight * of[i];
+                }
+                squares[0][i] += 0.5 * of[0][i];
+                squares[1][i] += 0.5 * of[1][i];
             }
-            squared[0] += 0.5 * of_z;
-            squared[1] += 0.5 * of_blended;
         }
         let [w_a, w_b] = self.weights;
-        let (mut variance, mut apart, mut differ) = (0.0, [0.0; 2], [0.0; 2]);
-        let (mut finished, mut denoised) = (0.0, 0.0);
-        let [a, b] = blended;
-        for (k, (a, b)) in a.into_iter().zip(b).enumerate() {
-            let square = |p: f32, q: f32| f64::from(p - q) * f64::from(p - q);
-            variance += 0.5 * square(self.radiance[0][k][x], self.radiance[1][k][x]);
-            apart[0] += square(self.z[0][k][x], self.z[1][k][x]);
-            apart[1] += square(a, b);
-            // ‖x - y‖² less ‖y‖² of half a, less the same of half b.
-            let alone = |x: f32, y: f32| f64::from(x) * (f64::from(x) - 2.0 * f64::from(y));
-            let y = [0, 1].map(|h| self.radiance[h][k][x]);
-            differ[0] += alone(self.z[0][k][x], y[1]) - alone(self.z[1][k][x], y[0]);
-            differ[1] += alone(a, y[1]) - alone(b, y[0]);
-            finished += f64::from((self.denoised[k][x] + self.correction[k][x]).max(0.0));
-            denoised += f64::from(self.denoised[k][x]);
+        let z = [0, 1].map(|h| lanes_of_colour(&self.z[h], first));
+        let radiance = [0, 1].map(|h| lanes_of_colour(&self.radiance[h], first));
+        let (pictures, corrections) =
+            (lanes_of_colour(&self.denoised, first), lanes_of_colour(&self.correction, first));
+        let [mut variance, mut finished, mut denoised] = [[0.0; LANES]; 3];
+        let (mut apart, mut differ) = ([[0.0; LANES]; 2], [[0.0; LANES]; 2]);
+        for k in 0..3 {
+            for i in 0..LANES {
+                let square = |p: f32, q: f32| f64::from(p - q) * f64::from(p - q);
+                // ‖x - y‖² less ‖y‖² of half a, less the same of half b.
+                let alone = |x: f32, y: f32| f64::from(x) * (f64::from(x) - 2.0 * f64::from(y));
+                let (y_a, y_b) = (radiance[0][k][i], radiance[1][k][i]);
+                variance[i] += 0.5 * square(y_a, y_b);
+                for (of, [a, b]) in
+                    [[z[0][k][i], z[1][k][i]], [blended[0][k][i], blended[1][k][i]]].into_iter().enumerate()
+                {
+                    apart[of][i] += square(a, b);
+                    differ[of][i] += alone(a, y_b) - alone(b, y_a);
+                }
+                finished[i] += f64::from((pictures[k][i] + corrections[k][i]).max(0.0));
+                denoised[i] += f64::from(pictures[k][i]);
+            }
         }
-        let [finished, denoised] = [finished, denoised].map(|sum| (sum / 3.0) * (sum / 3.0) + self.floor);
-        let error = |i: usize| squared[i] - variance + (w_a - 0.5) * differ[i] - w_a * w_b * apart[i];
-        let [of_z, of_blended] = [error(0), error(1)];
-        let [loss_z, loss_blended, loss_corrected, gain] = losses;
-        let errors = [of_z, of_blended, of_z - of_blended];
-        let [[z, z_by_z], [x, x_by_z], [fall, fall_by_z]] = errors.map(|error| [error / finished, error / denoised]);
-        [loss_z, loss_blended, loss_corrected, gain, z, z_by_z, x, x_by_z, fall, fall_by_z, z * z, x * x, fall * fall]
+        let mut quantities = [[0.0; LANES]; QUANTITIES];
+        for i in 0..LANES {
+            let by_finished = (finished[i] / 3.0) * (finished[i] / 3.0) + self.floor;
+            let by_denoised = (denoised[i] / 3.0) * (denoised[i] / 3.0) + self.floor;
+            let of_z = squares[0][i] - variance[i] + (w_a - 0.5) * differ[0][i] - w_a * w_b * apart[0][i];
+            let of_blended = squares[1][i] - variance[i] + (w_a - 0.5) * differ[1][i] - w_a * w_b * apart[1][i];
+            for (n, error) in [of_z, of_blended, of_z - of_blended].into_iter().enumerate() {
+                quantities[4 + 2 * n][i] = error / by_finished;
+                quantities[5 + 2 * n][i] = error / by_denoised;
+                quantities[10 + n][i] = (error / by_finished) * (error / by_finished);
+            }
+            for (quantity, loss) in quantities.iter_mut().zip(&losses) {
+                quantity[i] = loss[i];
+            }
+        }
+        quantities
     }
 }
 

@@ -48,6 +48,7 @@ pub mod frame_stats;
 pub mod frame_sums;
 pub mod held_out;
 pub mod independence;
+mod lanes;
 pub mod objective;
 pub mod outlier_limit;
 pub mod passes;

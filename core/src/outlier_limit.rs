@@ -7,10 +7,11 @@
 //! than twice what they differ by close to it. Where one half itself is far brighter than the other and nothing around
 //! the pixel differs so, the brighter one is the firefly, and the range is from the darker to a little above it.
 
+use crate::lanes::{LANES, lanes, lanes_of_colour, less, mixed, put, squared};
 use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use rayon::prelude::*;
-use sspc_image::{Image, box_mean};
+use sspc_image::{HalfWeights, Image, box_mean};
 use sspc_kernels::features::DENOISED;
 
 /// Radius of the box in which squared distances are averaged, pixels: what a pixel's limit depends on.
@@ -41,54 +42,54 @@ pub(crate) fn limit_outliers(prepared: &Prepared, halves: &[Image; 2], share: &m
         return;
     }
     // Squared distances of the picture and of the halves from the halves' mean, and how far these are apart.
-    let mut distances = Image::zeros(3, height, width);
-    let [of_picture, of_halves, close] = distances.planes_mut().map(|plane| plane.par_chunks_mut(width));
+    let [mut of_picture, mut of_halves, mut apart] = [(); 3].map(|()| Image::zeros(1, height, width));
     // ‖a - m‖² is w_b² ‖a - b‖², and the squared error of the mean m is expected to be w_a w_b ‖a - b‖².
     let of_mean = prepared.weights.of(0) / prepared.weights.of(1);
-    let rows = of_picture.zip(of_halves).zip(close).enumerate();
-    rows.for_each_init(Vec::new, |scratch, (y, ((of_picture, of_halves), close))| {
-        let corrected = [0, 1, 2].map(|k| picture.row(k, y));
-        let Blended { a, b, whole } = Blended::of(prepared, halves, corrected, share.row(0, y), y, scratch);
-        for x in 0..width {
-            let mean = [0, 1, 2].map(|k| prepared.weights.mean(a[k][x], b[k][x]));
-            let weight = weight_of(mean, RELATIVE_FLOOR);
-            let distance = |from: [&[f32]; 3]| (0..3).map(|k| (from[k][x] - mean[k]).powi(2)).sum::<f32>();
-            of_picture[x] = weight * distance(whole);
-            of_halves[x] = weight * distance(a) * of_mean;
-            close[x] = (0..3).map(|k| (a[k][x] - b[k][x]).abs()).sum::<f32>() / 3.0;
-        }
-    });
-    let plane = |c: usize| Image::from_planes(1, height, width, distances.plane(c).to_vec());
-    let (of_picture, of_halves) = (box_mean(&plane(0), LIMIT_RADIUS), box_mean(&plane(1), LIMIT_RADIUS));
-    let apart = plane(2);
+    let planes = [&mut of_picture, &mut of_halves, &mut apart].map(|image| image.plane_mut(0).par_chunks_mut(width));
+    let [of_picture_rows, of_halves_rows, apart_rows] = planes;
+    of_picture_rows.zip(of_halves_rows).zip(apart_rows).enumerate().for_each(
+        |(y, ((of_picture, of_halves), apart))| {
+            let rows = Rows::new(prepared, halves, y);
+            let corrected = [0, 1, 2].map(|k| picture.row(k, y));
+            for x in (0..width).step_by(LANES) {
+                let Blended { a, b, whole, mean } = rows.blended(&corrected, share.row(0, y), x);
+                let mut weight = [0.0; LANES];
+                for i in 0..LANES {
+                    weight[i] = weight_of([mean[0][i], mean[1][i], mean[2][i]], RELATIVE_FLOOR);
+                }
+                let distance = |from: &[[f32; LANES]; 3]| {
+                    squared(&[less(&from[0], &mean[0]), less(&from[1], &mean[1]), less(&from[2], &mean[2])])
+                };
+                let (mut far, mut own, mut difference) = (distance(&whole), distance(&a), [0.0; LANES]);
+                for i in 0..LANES {
+                    far[i] *= weight[i];
+                    own[i] = weight[i] * own[i] * of_mean;
+                    let sum = (a[0][i] - b[0][i]).abs() + (a[1][i] - b[1][i]).abs() + (a[2][i] - b[2][i]).abs();
+                    difference[i] = sum / 3.0;
+                }
+                put(of_picture, x, &far);
+                put(of_halves, x, &own);
+                put(apart, x, &difference);
+            }
+        },
+    );
+    let (of_picture, of_halves) = (box_mean(&of_picture, LIMIT_RADIUS), box_mean(&of_halves, LIMIT_RADIUS));
     let (close, around) = (box_mean(&apart, CLOSE_RADIUS), ring_mean(&apart));
     let [red, green, blue] = picture.planes_mut().map(|plane| plane.par_chunks_mut(width));
     let rows = red.zip(green).zip(blue).zip(share.plane_mut(0).par_chunks_mut(width)).enumerate();
-    rows.for_each_init(Vec::new, |scratch, (y, (((red, green), blue), share))| {
-        let corrected = [&*red, &*green, &*blue];
-        let Blended { a, b, whole } = Blended::of(prepared, halves, corrected, share, y, scratch);
-        let corrected = [red, green, blue];
-        let (of_picture, of_halves, close) = (of_picture.row(0, y), of_halves.row(0, y), close.row(0, y));
-        let (apart, around) = (apart.row(0, y), around.row(0, y));
-        for x in (0..width).filter(|&x| prepared.plan.is_active(y, x)) {
-            let (far, allowed) = (of_picture[x], TIMES_AROUND * of_halves[x]);
-            let margin = TIMES_CLOSE * close[x];
-            let most_apart = TIMES_APART * around[x].max(LEAST_APART);
-            let limited = [0, 1, 2].map(|k| {
-                let (a, b, value) = (a[k][x], b[k][x], whole[k][x]);
-                let mean = prepared.weights.mean(a, b);
-                let nearer = if far > allowed { mean + allowed / far * (value - mean) } else { value };
-                let (darker, brighter) = (a.min(b), a.max(b));
-                match apart[x] > most_apart {
-                    true => nearer.max(darker).min(darker + most_apart),
-                    false => nearer.max(darker - margin).min(brighter + margin),
-                }
-            });
-            if (0..3).any(|k| limited[k] != whole[k][x]) {
-                share[x] = share[x].max(LEAST_SHARE);
-                for k in 0..3 {
-                    let z = prepared.denoised.at(k, y, x);
-                    corrected[k][x] = z + (limited[k] - z) / share[x];
+    rows.for_each(|(y, (((red, green), blue), share))| {
+        let rows = Rows::new(prepared, halves, y);
+        for x in (0..width).step_by(LANES).filter(|&x| prepared.plan.is_active(y, x)) {
+            let blended = rows.blended(&[&*red, &*green, &*blue], share, x);
+            let limits = [&of_picture, &of_halves, &close, &apart, &around].map(|image| lanes(image.row(0, y), x));
+            let limited = blended.limited(&limits);
+            let is_limited = |i: usize| (0..3).any(|k| limited[k][i] != blended.whole[k][i]);
+            for i in (0..LANES.min(width - x)).filter(|&i| is_limited(i)) {
+                let share = &mut share[x + i];
+                *share = share.max(LEAST_SHARE);
+                for (k, row) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
+                    let z = rows.denoised[k][x + i];
+                    row[x + i] = z + (limited[k][i] - z) / *share;
                 }
             }
         }
@@ -108,35 +109,76 @@ fn ring_mean(plane: &Image) -> Image {
     ring
 }
 
-/// A row of both halves and of the picture with their share of the correction, by channel.
-struct Blended<'a> {
-    a: [&'a [f32]; 3],
-    b: [&'a [f32]; 3],
-    whole: [&'a [f32]; 3],
+/// A row of both halves, corrected and denoised, and of the denoised full buffer, by channel.
+struct Rows<'a> {
+    z: [[&'a [f32]; 3]; 2],
+    corrected: [[&'a [f32]; 3]; 2],
+    denoised: [&'a [f32]; 3],
+    weights: HalfWeights,
 }
 
-impl<'a> Blended<'a> {
-    fn of(
-        prepared: &Prepared,
-        halves: &[Image; 2],
-        picture: [&[f32]; 3],
-        share: &[f32],
-        y: usize,
-        scratch: &'a mut Vec<f32>,
-    ) -> Self {
-        scratch.resize(9 * share.len(), 0.0);
-        for (i, out) in scratch.chunks_exact_mut(share.len()).enumerate() {
-            let (of, k) = (i / 3, i % 3);
-            let (z, corrected) = match of {
-                0 | 1 => (prepared.halves[of].row(DENOISED + k, y), halves[of].row(k, y)),
-                _ => (prepared.denoised.row(k, y), picture[k]),
-            };
-            for (((out, z), corrected), share) in out.iter_mut().zip(z).zip(corrected).zip(share) {
-                *out = z + share * (corrected - z);
+/// Some pixels of both halves and of the picture with their share of the correction, and of the halves' mean, by channel.
+struct Blended {
+    a: [[f32; LANES]; 3],
+    b: [[f32; LANES]; 3],
+    whole: [[f32; LANES]; 3],
+    mean: [[f32; LANES]; 3],
+}
+
+impl<'a> Rows<'a> {
+    fn new(prepared: &'a Prepared, halves: &'a [Image; 2], y: usize) -> Self {
+        let channels = |image: &'a Image, first: usize| [0, 1, 2].map(|k| image.row(first + k, y));
+        Self {
+            z: [0, 1].map(|h| channels(&prepared.halves[h], DENOISED)),
+            corrected: [0, 1].map(|h| channels(&halves[h], 0)),
+            denoised: channels(&prepared.denoised, 0),
+            weights: prepared.weights,
+        }
+    }
+
+    /// The pixels from column `x` on, of a row of a corrected picture and of the share that is used.
+    fn blended(&self, picture: &[&[f32]; 3], share: &[f32], x: usize) -> Blended {
+        let share = lanes(share, x);
+        let of = |z: &[&[f32]; 3], corrected: &[&[f32]; 3]| {
+            let (z, corrected) = (lanes_of_colour(z, x), lanes_of_colour(corrected, x));
+            [
+                mixed(&z[0], &corrected[0], &share),
+                mixed(&z[1], &corrected[1], &share),
+                mixed(&z[2], &corrected[2], &share),
+            ]
+        };
+        let [a, b] = [0, 1].map(|h| of(&self.z[h], &self.corrected[h]));
+        let mut mean = [[0.0; LANES]; 3];
+        for k in 0..3 {
+            for i in 0..LANES {
+                mean[k][i] = self.weights.mean(a[k][i], b[k][i]);
             }
         }
-        let rows = |of: usize| [0, 1, 2].map(|k| &scratch[(3 * of + k) * share.len()..][..share.len()]);
-        Self { a: rows(0), b: rows(1), whole: rows(2) }
+        Blended { a, b, whole: of(&self.denoised, picture), mean }
+    }
+}
+
+impl Blended {
+    /// The picture as far as it may be from the halves, by the means of what each is apart: of the picture's squared distance and of
+    /// the halves' around, of the halves' close by, of theirs in the pixel, and in the ring around it.
+    fn limited(&self, limits: &[[f32; LANES]; 5]) -> [[f32; LANES]; 3] {
+        let [of_picture, of_halves, close, apart, around] = limits;
+        let mut limited = self.whole;
+        for (k, limited) in limited.iter_mut().enumerate() {
+            for i in 0..LANES {
+                let (far, allowed) = (of_picture[i], TIMES_AROUND * of_halves[i]);
+                let margin = TIMES_CLOSE * close[i];
+                let most_apart = TIMES_APART * around[i].max(LEAST_APART);
+                let (a, b, value, mean) = (self.a[k][i], self.b[k][i], self.whole[k][i], self.mean[k][i]);
+                let nearer = if far > allowed { mean + allowed / far * (value - mean) } else { value };
+                let (darker, brighter) = (a.min(b), a.max(b));
+                let is_apart = apart[i] > most_apart;
+                let least = if is_apart { darker } else { darker - margin };
+                let most = if is_apart { darker + most_apart } else { brighter + margin };
+                limited[i] = nearer.max(least).min(most);
+            }
+        }
+        limited
     }
 }
 
@@ -145,7 +187,6 @@ mod tests {
     use super::*;
     use crate::plan::Plan;
     use crate::prepare::Findings;
-    use sspc_image::HalfWeights;
     use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
     use std::sync::Arc;
 

@@ -108,9 +108,8 @@ impl Prepared {
     pub fn of_owned(frame: Frame, stats: &FrameStats) -> (Self, Image) {
         let valid = validity(&frame);
         let present = Role::FEATURES.map(|feature| presence(&frame, feature));
-        let baseline = baseline(&frame).into_owned();
         let Frame { a, b, denoised, variants, composite, weights, .. } = frame;
-        drop(denoised);
+        let baseline = denoised.unwrap_or_else(|| weights.mean_of(&a.denoised, &b.denoised));
         let ground = [&a.denoised, &b.denoised, &baseline];
         let of = |variant| Arc::new(Variant::new(&variant, ground, weights, stats.exposure, &valid));
         let (variants, composite) = (variants.into_iter().map(of).collect(), composite.map(of));

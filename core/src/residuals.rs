@@ -4,6 +4,7 @@
 //! with their weight: both are unbiased and independent of half a.
 
 use crate::blend_weight::LARGEST_RESIDUAL;
+use crate::lanes::{LANES, lanes, lanes_of_colour, less, squared};
 use crate::objective::own_weight;
 use crate::prepare::Prepared;
 use sspc_image::Image;
@@ -38,14 +39,30 @@ impl<'a> Residuals<'a> {
     pub fn of_row<const N: usize>(&self, y: usize, corrected: [&[Image; 2]; N], mut tell: impl FnMut(Residual<N>)) {
         let prepared = self.prepared;
         for h in 0..2 {
-            let weight = self.weights[h].row(0, y);
+            let weights = self.weights[h].row(0, y);
             let z = [0, 1, 2].map(|k| prepared.halves[h].row(DENOISED + k, y));
             let target = [0, 1, 2].map(|k| prepared.target_row(h, k, y));
             let corrected = corrected.map(|halves| [0, 1, 2].map(|k| halves[h].row(k, y)));
-            for x in 0..prepared.width() {
-                let less_z = |of: [&[f32]; 3]| [0, 1, 2].map(|k| of[k][x] - z[k][x]);
-                let (whole, d) = (less_z(target), corrected.map(less_z));
-                tell(Residual { x, weight: weight[x], whole, r: limited(whole, weight[x]), d });
+            for first in (0..prepared.width()).step_by(LANES) {
+                let (weight, z) = (lanes(weights, first), lanes_of_colour(&z, first));
+                let mut whole = lanes_of_colour(&target, first);
+                let mut d = [[[0.0; LANES]; 3]; N];
+                for k in 0..3 {
+                    whole[k] = less(&whole[k], &z[k]);
+                    for (d, corrected) in d.iter_mut().zip(&corrected) {
+                        d[k] = less(&lanes(corrected[k], first), &z[k]);
+                    }
+                }
+                let limit = limits(&whole, &weight);
+                for i in 0..LANES.min(prepared.width() - first) {
+                    let whole = [whole[0][i], whole[1][i], whole[2][i]];
+                    let r = [limit[i] * whole[0], limit[i] * whole[1], limit[i] * whole[2]];
+                    let mut of_pixel = [[0.0; 3]; N];
+                    for (pixel, d) in of_pixel.iter_mut().zip(&d) {
+                        *pixel = [d[0][i], d[1][i], d[2][i]];
+                    }
+                    tell(Residual { x: first + i, weight: weight[i], whole, r, d: of_pixel });
+                }
             }
         }
         self.differences_of_row(y, corrected, tell);
@@ -79,8 +96,21 @@ impl<'a> Residuals<'a> {
 
 /// A residual as it counts.
 pub(crate) fn limited(r: [f32; 3], weight: f32) -> [f32; 3] {
-    let limit = LARGEST_RESIDUAL / (weight * dot(r, r)).sqrt().max(LARGEST_RESIDUAL);
-    r.map(|r| limit * r)
+    let limit = limit(dot(r, r), weight);
+    [limit * r[0], limit * r[1], limit * r[2]]
+}
+
+/// What residuals count, 0..1.
+fn limits(r: &[[f32; LANES]; 3], weight: &[f32; LANES]) -> [f32; LANES] {
+    let mut limits = squared(r);
+    for i in 0..LANES {
+        limits[i] = limit(limits[i], weight[i]);
+    }
+    limits
+}
+
+fn limit(squared: f32, weight: f32) -> f32 {
+    LARGEST_RESIDUAL / (weight * squared).sqrt().max(LARGEST_RESIDUAL)
 }
 
 pub(crate) fn dot(p: [f32; 3], q: [f32; 3]) -> f32 {

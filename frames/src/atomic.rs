@@ -39,9 +39,14 @@ pub fn atomic_write_checked(
     let mut writer = BufWriter::new(file);
     write(&mut writer).map_err(unwritable)?;
     let file = writer.into_inner().map_err(|error| unwritable(error.into_error()))?;
-    file.sync_all().map_err(unwritable)?;
-    drop(file);
-    check(temporary.path()).map_err(|found| Error::NotReadBack { path: path.to_path_buf(), found })?;
+    // The disk takes its time, in which the file can be read.
+    let (flushed, checked) = std::thread::scope(|scope| {
+        let flushed = scope.spawn(move || file.sync_all());
+        let checked = check(temporary.path());
+        (flushed.join(), checked)
+    });
+    flushed.unwrap_or_else(|_| Err(io::Error::other("the file could not be flushed"))).map_err(unwritable)?;
+    checked.map_err(|found| Error::NotReadBack { path: path.to_path_buf(), found })?;
     temporary.rename_to(path).map_err(unwritable)
 }
 

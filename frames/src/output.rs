@@ -38,6 +38,8 @@ use std::sync::Arc;
 const HALF_MAX: f32 = 65_504.0;
 /// Below this mean magnitude half floats run into their subnormals (6.1e-5) and lose relative precision.
 const HALF_COARSE: f64 = 1e-3;
+/// Values that one thread looks at, at a time.
+const VALUES_PER_JOB: usize = 1 << 16;
 /// Rows that one thread reads back at a time.
 const CHECKED_ROWS: usize = 64;
 
@@ -266,13 +268,13 @@ fn check_plane(target: &Target, picture: &Placed, inside: &Window, plane: &[f32]
 
 /// Whether half floats hold every value without overflow and the picture as a whole without losing precision.
 fn half_can_hold(picture: &Image) -> bool {
-    let finite = picture.data().iter().filter(|value| value.is_finite());
-    let (mut sum, mut count, mut largest) = (0.0f64, 0u64, 0.0f32);
-    for value in finite {
-        sum += f64::from(value.abs());
-        count += 1;
-        largest = largest.max(value.abs());
-    }
+    let of_run = |values: &[f32]| {
+        let finite = values.iter().filter(|value| value.is_finite()).map(|value| value.abs());
+        finite.fold((0.0f64, 0u64, 0.0f32), |(sum, count, largest), v| (sum + f64::from(v), count + 1, largest.max(v)))
+    };
+    let runs: Vec<_> = picture.data().par_chunks(VALUES_PER_JOB).map(of_run).collect();
+    let of_both = |(a, n, p): (f64, u64, f32), (b, m, q): (f64, u64, f32)| (a + b, n + m, p.max(q));
+    let (sum, count, largest) = runs.into_iter().fold((0.0, 0, 0.0), of_both);
     largest <= HALF_MAX && (sum == 0.0 || sum >= HALF_COARSE * count as f64)
 }
 

@@ -35,31 +35,47 @@ fn row_sums(image: &Image, c: usize, radius: usize) -> Vec<f64> {
     let (height, width) = (image.height(), image.width());
     let mut sums = vec![0.0; height * width];
     let rows = sums.par_chunks_exact_mut(width).with_min_len(ROWS_PER_JOB).enumerate();
-    rows.for_each_init(Vec::new, |scratch, (y, sums)| window_sums(image.row(c, y), radius, scratch, sums));
+    let scratch = || Scratch::new(width, radius);
+    rows.for_each_init(scratch, |scratch, (y, sums)| scratch.window_sums(image.row(c, y), radius, sums));
     sums
 }
 
-/// Sums over 2 radius + 1 neighbours, zero outside: every window is the end of one block of that
-/// length and the beginning of the next.
-fn window_sums(line: &[f32], radius: usize, suffix: &mut Vec<f64>, sums: &mut [f64]) {
-    let (n, length) = (line.len(), 2 * radius + 1);
-    // Position i of the blocks is pixel i - radius.
-    let value = |i: usize| i.checked_sub(radius).and_then(|x| line.get(x)).map_or(0.0, |&v| f64::from(v));
-    let end = (n + 2 * radius).next_multiple_of(length);
-    suffix.clear();
-    suffix.resize(end, 0.0);
-    for block in (0..end).step_by(length) {
-        let mut sum = 0.0;
-        for i in (block..block + length).rev() {
-            sum += value(i);
-            suffix[i] = sum;
-        }
+/// A row with zeros around it, cut into blocks of one window's length: every window is the end of one block and the beginning
+/// of the next.
+struct Scratch {
+    padded: Vec<f64>,
+    /// Sums from each value to the end of its block.
+    suffix: Vec<f64>,
+}
+
+impl Scratch {
+    fn new(width: usize, radius: usize) -> Self {
+        let end = (width + 2 * radius).next_multiple_of(2 * radius + 1);
+        Self { padded: vec![0.0; end], suffix: vec![0.0; end] }
     }
-    let mut prefix = 0.0;
-    for (x, total) in sums.iter_mut().enumerate() {
-        let last = x + 2 * radius;
-        prefix = if last.is_multiple_of(length) { value(last) } else { prefix + value(last) };
-        *total = if x.is_multiple_of(length) { suffix[x] } else { suffix[x] + prefix };
+
+    /// Sums over 2 radius + 1 neighbours, zero outside.
+    fn window_sums(&mut self, line: &[f32], radius: usize, sums: &mut [f64]) {
+        let length = 2 * radius + 1;
+        self.padded[radius..].iter_mut().zip(line).for_each(|(value, v)| *value = f64::from(*v));
+        self.suffix.copy_from_slice(&self.padded);
+        for block in self.suffix.chunks_exact_mut(length) {
+            let mut sum = 0.0;
+            for value in block.iter_mut().rev() {
+                sum += *value;
+                *value = sum;
+            }
+        }
+        let blocks = sums.chunks_mut(length).zip(self.suffix.chunks_exact(length)).enumerate();
+        for (block, (sums, suffix)) in blocks {
+            sums[0] = suffix[0];
+            let mut prefix = 0.0;
+            let next = self.padded.get((block + 1) * length..).unwrap_or_default();
+            for ((sum, suffix), value) in sums[1..].iter_mut().zip(&suffix[1..]).zip(next) {
+                prefix += value;
+                *sum = suffix + prefix;
+            }
+        }
     }
 }
 
@@ -72,22 +88,22 @@ fn column_means(rows: &[f64], height: usize, width: usize, radius: usize, block:
     let mut suffix = vec![0.0; length * width];
     for j in (0..length).rev() {
         let (this, below) = suffix[j * width..].split_at_mut(width);
-        if j + 1 < length {
-            this.copy_from_slice(&below[..width]);
-        }
-        if let Some(row) = row(first + j) {
-            this.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
+        let below = if j + 1 < length { &below[..width] } else { &[] };
+        match (row(first + j), below) {
+            (Some(row), []) => this.copy_from_slice(row),
+            (Some(row), below) => this.iter_mut().zip(row).zip(below).for_each(|((sum, v), below)| *sum = below + v),
+            (None, below) => this[..below.len()].copy_from_slice(below),
         }
     }
+    let counted: Vec<f64> = (0..width).map(|x| inside(x, width, radius) as f64).collect();
     let mut prefix = vec![0.0; width];
-    for (j, out) in out.chunks_exact_mut(width).enumerate() {
+    for (j, (out, suffix)) in out.chunks_exact_mut(width).zip(suffix.chunks_exact(width)).enumerate() {
         if let Some(row) = row(first + j + 2 * radius).filter(|_| j > 0) {
             prefix.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
         }
-        let counted = inside(first + j, height, radius);
-        for (x, mean) in out.iter_mut().enumerate() {
-            let sum = suffix[j * width + x] + prefix[x];
-            *mean = (sum / (counted * inside(x, width, radius)) as f64) as f32;
+        let rows = inside(first + j, height, radius) as f64;
+        for (((mean, suffix), prefix), columns) in out.iter_mut().zip(suffix).zip(&prefix).zip(&counted) {
+            *mean = ((suffix + prefix) / (rows * columns)) as f32;
         }
     }
 }

@@ -14,10 +14,12 @@ pub fn weight_of(z: [f32; 3], floor: f32) -> f32 {
 /// 1 / (z̄² + floor) of features `[13, H, W]`, 0 where a pixel is missing.
 pub fn relative_weight(features: &Image, valid: Option<&Image>, floor: f32) -> Image {
     Image::from_rows(1, features.height(), features.width(), |_, y, row| {
-        let z: [&[f32]; 3] = std::array::from_fn(|k| features.row(DENOISED + k, y));
-        let valid = valid.map(|v| v.row(0, y));
-        for (x, weight) in row.iter_mut().enumerate() {
-            *weight = if valid.is_some_and(|v| v[x] == 0.0) { 0.0 } else { weight_of(z.map(|z| z[x]), floor) };
+        let [red, green, blue] = [0, 1, 2].map(|k| features.row(DENOISED + k, y));
+        for (((weight, red), green), blue) in row.iter_mut().zip(red).zip(green).zip(blue) {
+            *weight = weight_of([*red, *green, *blue], floor);
+        }
+        for (weight, valid) in row.iter_mut().zip(valid.map_or(&[][..], |valid| valid.row(0, y))) {
+            *weight = if *valid == 0.0 { 0.0 } else { *weight };
         }
     })
 }

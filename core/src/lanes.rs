@@ -1,0 +1,54 @@
+//! Rows in runs of pixels, as arrays: what is computed of arrays alone, the compiler turns into vectors.
+
+/// Pixels of a run, as many as a [block](crate::plan::BLOCK_COLUMNS) has.
+pub(crate) const LANES: usize = crate::plan::BLOCK_COLUMNS;
+
+/// The pixels of a row from column `x` on; 0 beyond its end.
+pub(crate) fn lanes(row: &[f32], x: usize) -> [f32; LANES] {
+    match row[x..].first_chunk() {
+        Some(values) => *values,
+        None => {
+            let mut values = [0.0; LANES];
+            values[..row.len() - x].copy_from_slice(&row[x..]);
+            values
+        }
+    }
+}
+
+/// The same of three rows.
+pub(crate) fn lanes_of_colour(rows: &[&[f32]; 3], x: usize) -> [[f32; LANES]; 3] {
+    [lanes(rows[0], x), lanes(rows[1], x), lanes(rows[2], x)]
+}
+
+/// Puts a run into a row, as far as that goes.
+pub(crate) fn put(row: &mut [f32], x: usize, values: &[f32; LANES]) {
+    let count = LANES.min(row.len() - x);
+    row[x..x + count].copy_from_slice(&values[..count]);
+}
+
+/// p - q
+pub(crate) fn less(p: &[f32; LANES], q: &[f32; LANES]) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = p[i] - q[i];
+    }
+    out
+}
+
+/// p + share (q - p)
+pub(crate) fn mixed(p: &[f32; LANES], q: &[f32; LANES], share: &[f32; LANES]) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = p[i] + share[i] * (q[i] - p[i]);
+    }
+    out
+}
+
+/// ‖p‖² by pixel.
+pub(crate) fn squared(p: &[[f32; LANES]; 3]) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = p[0][i] * p[0][i] + p[1][i] * p[1][i] + p[2][i] * p[2][i];
+    }
+    out
+}
