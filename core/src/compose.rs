@@ -7,7 +7,7 @@
 use crate::blend_weight::{Evidence, WEIGHT_RADIUS};
 use crate::composite::{MIX_RADIUS, mix};
 use crate::composition::Composition;
-use crate::corrector::PictureCorrection;
+use crate::corrector::{PictureCorrection, view};
 use crate::estimate;
 use crate::first_or_mean::{Choice, choose};
 use crate::frame_sums::FrameSums;
@@ -212,10 +212,7 @@ impl Composer<'_> {
         let pictures = Mutex::new((halves, full));
         tiles.into_par_iter().try_for_each(|tile| {
             let runs = [weighed, &finished].map(|plan| plan.runs_in(&tile.region));
-            let of_half = |h| self.tile_of_half(prepared, source, (k, h), &tile, &runs, parts);
-            let (a, b) = rayon::join(|| of_half(0), || of_half(1));
-            let ((a, full_a), (b, full_b)) = (a?, b?);
-            let of_full = full_a.zip(full_b).map(|(a, b)| prepared.weights.mean_of(&a, &b));
+            let ([a, b], of_full) = self.tile(prepared, source, k, &tile, &runs, parts)?;
             let mut pictures = pictures.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             let (halves, full) = &mut *pictures;
             let Region { top, left, .. } = tile.region;
@@ -228,27 +225,46 @@ impl Composer<'_> {
         Ok(Corrections { halves, picture, choice: None, mixed: None })
     }
 
-    /// The pixels of a tile of half `h` by network `k`, `[3, rows, columns]`: by its own guides, and where the picture is made
-    /// of it, by those of the full buffer. `runs` are what is computed of either.
-    fn tile_of_half<S: ParameterSource + ?Sized>(
+    /// The pixels of a tile by network `k`, `[3, rows, columns]`: both halves by their own guides, and where the picture is made of
+    /// it, the mean of both by those of the full buffer. `runs` are what is computed of either.
+    fn tile<S: ParameterSource + ?Sized>(
         &self,
         prepared: &Prepared,
         source: &S,
-        (k, h): (usize, usize),
+        k: usize,
         tile: &PictureTile,
         runs: &[Vec<Region>; 2],
         parts: usize,
-    ) -> Result<(Image, Option<Image>), S::Error> {
+    ) -> Result<([Image; 2], Option<Image>), S::Error> {
         let Self { isa, form, taps, .. } = *self;
-        let parameters = tile.parameters(source, k, &prepared.halves[h])?;
-        let corrected = |guides, runs: &[Region]| {
-            let windows = prepared.windows(h, guides, tile.region, taps.radius());
-            PictureCorrection { isa, form, windows: &windows, taps, parameters: &parameters, runs, parts }.corrected()
+        let of_half = |h: usize| {
+            let windows = prepared.windows(h, Guides::Half, tile.region, taps.radius());
+            tile.parameters(source, k, &prepared.halves[h]).map(|parameters| (windows, parameters))
         };
+        let (a, b) = rayon::join(|| of_half(0), || of_half(1));
+        let ((windows_a, of_a), (windows_b, of_b)) = (a?, b?);
+        let corrected = |views, runs: &[Region]| PictureCorrection { isa, views, taps, runs, parts }.corrected();
         let [own, full] = runs;
-        let is_full = self.composition == Composition::JudgedFullBuffer && !full.is_empty();
-        let full = || is_full.then(|| corrected(Guides::Full, full));
-        Ok(rayon::join(|| corrected(Guides::Half, own), full))
+        let own_views = [view(form, &windows_a, &windows_a, &of_a), view(form, &windows_b, &windows_b, &of_b)];
+        let of_own = |at: usize| corrected(vec![own_views[at]], own).remove(0);
+        if self.composition != Composition::JudgedFullBuffer || full.is_empty() {
+            let (a, b) = rayon::join(|| of_own(0), || of_own(1));
+            return Ok(([a, b], None));
+        }
+        let guides = prepared.windows(0, Guides::Full, tile.region, taps.radius());
+        let full_views = [view(form, &windows_a, &guides, &of_a), view(form, &windows_b, &guides, &of_b)];
+        let mean = |a, b| Some(prepared.weights.mean_of(a, b));
+        if own == full {
+            // Neighbours share radiance or guides.
+            let views = vec![own_views[0], full_views[0], full_views[1], own_views[1]];
+            let mut pictures = corrected(views, own).into_iter();
+            let mut next = || pictures.next().expect("a picture of every view");
+            let (a, full_a, full_b, b) = (next(), next(), next(), next());
+            return Ok(([a, b], mean(&full_a, &full_b)));
+        }
+        let halves = || rayon::join(|| of_own(0), || of_own(1));
+        let ((a, b), of_full) = rayon::join(halves, || corrected(full_views.to_vec(), full));
+        Ok(([a, b], mean(&of_full[0], &of_full[1])))
     }
 
     /// The rows of the picture that `rows` of it depend on.
@@ -268,10 +284,9 @@ impl Composer<'_> {
     }
 }
 
-/// In how many parts at least each g_c over one of so many tiles is divided where so many threads can run at once: there are four
-/// for each tile.
+/// In how many parts at least g_c over one of so many tiles is divided where so many threads can run at once.
 pub fn parts_of_gc(tiles: usize, threads: usize) -> usize {
-    threads.div_ceil(2 * tiles.max(1))
+    (2 * threads).div_ceil(tiles.max(1))
 }
 
 /// A picture's corrections before they are weighed, `[3, H, W]` each; z where nothing was computed.

@@ -234,12 +234,12 @@ impl Collector {
         let unusable = self.found.unusable;
         let [albedo, normal, visibility] = self.features.map(|variation| variation.varies);
         let set = FeatureSet { albedo, normal, visibility }.without(unusable);
-        let exposure = match self.exposure {
+        let exposure = || match self.exposure {
             Exposure::AsIs => 1.0,
             Exposure::Normalised => exposure::of_all(&self.means),
             Exposure::OfNoise => exposure::of_noisy(&self.noisy_pixels),
         };
-        let independence = self.independence.finish();
+        let (exposure, independence) = rayon::join(exposure, || self.independence.finish());
         FrameStats { exposure, set, noisy: self.noisy, found: self.found, independence }
     }
 }

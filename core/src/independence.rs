@@ -140,13 +140,13 @@ impl IndependenceCollector {
         let last = (self.rows + band.height()).div_ceil(BLOCK) * self.columns;
         self.blocks.resize(last, BlockSums::default());
         let rows = (0..band.height()).into_par_iter().with_min_len(ROWS_PER_JOB);
-        let of_rows: Vec<Vec<BlockSums>> = rows.map(|y| row_sums(band, valid.row(0, y), y)).collect();
+        let sums = || rows.map(|y| row_sums(band, valid.row(0, y), y)).collect();
+        let (of_rows, ()): (Vec<Vec<BlockSums>>, ()) = rayon::join(sums, || self.sample.look(band, valid));
         for (y, row) in of_rows.iter().enumerate() {
             let first = (self.rows + y) / BLOCK * self.columns;
             self.blocks[first..].iter_mut().zip(row).for_each(|(block, sums)| block.add(sums));
         }
         self.rows += band.height();
-        self.sample.look(band, valid);
         self.weights = band.weights;
     }
 

@@ -4,29 +4,35 @@
 pub(crate) const LANES: usize = crate::plan::BLOCK_COLUMNS;
 
 /// The pixels of a row from column `x` on; 0 beyond its end.
+#[inline(always)]
 pub(crate) fn lanes(row: &[f32], x: usize) -> [f32; LANES] {
     match row[x..].first_chunk() {
         Some(values) => *values,
         None => {
             let mut values = [0.0; LANES];
-            values[..row.len() - x].copy_from_slice(&row[x..]);
+            values.iter_mut().zip(&row[x..]).for_each(|(to, value)| *to = *value);
             values
         }
     }
 }
 
 /// The same of three rows.
+#[inline(always)]
 pub(crate) fn lanes_of_colour(rows: &[&[f32]; 3], x: usize) -> [[f32; LANES]; 3] {
     [lanes(rows[0], x), lanes(rows[1], x), lanes(rows[2], x)]
 }
 
 /// Puts a run into a row, as far as that goes.
+#[inline(always)]
 pub(crate) fn put(row: &mut [f32], x: usize, values: &[f32; LANES]) {
-    let count = LANES.min(row.len() - x);
-    row[x..x + count].copy_from_slice(&values[..count]);
+    match row[x..].first_chunk_mut() {
+        Some(to) => *to = *values,
+        None => row[x..].iter_mut().zip(values).for_each(|(to, value)| *to = *value),
+    }
 }
 
 /// p - q
+#[inline(always)]
 pub(crate) fn less(p: &[f32; LANES], q: &[f32; LANES]) -> [f32; LANES] {
     let mut out = [0.0; LANES];
     for i in 0..LANES {
@@ -36,6 +42,7 @@ pub(crate) fn less(p: &[f32; LANES], q: &[f32; LANES]) -> [f32; LANES] {
 }
 
 /// p + share (q - p)
+#[inline(always)]
 pub(crate) fn mixed(p: &[f32; LANES], q: &[f32; LANES], share: &[f32; LANES]) -> [f32; LANES] {
     let mut out = [0.0; LANES];
     for i in 0..LANES {
@@ -45,6 +52,7 @@ pub(crate) fn mixed(p: &[f32; LANES], q: &[f32; LANES], share: &[f32; LANES]) ->
 }
 
 /// ‖p‖² by pixel.
+#[inline(always)]
 pub(crate) fn squared(p: &[[f32; LANES]; 3]) -> [f32; LANES] {
     let mut out = [0.0; LANES];
     for i in 0..LANES {

@@ -123,16 +123,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let side = (2 * taps.radius() + 1) as f64;
             let mut corrected = None;
             report("g_c of one half", FLOP_A_TAP * side * side * pixels, repeats, || {
-                let of = PictureCorrection {
-                    isa: best,
-                    form: Form::Gated,
-                    windows: &windows,
-                    taps: &taps,
-                    parameters: &parameters,
-                    runs: &everything.runs(),
-                    parts: 1,
-                };
-                corrected = Some(of.corrected());
+                let runs = everything.runs();
+                let of = PictureCorrection::of_one(best, Form::Gated, &windows, &taps, &parameters, &runs);
+                corrected = Some(of.corrected().remove(0));
             });
             let Some(corrected) = corrected else { continue };
             std::fs::write(folder.join("corrected.f32"), some_rows(&corrected))?;

@@ -115,6 +115,12 @@ impl Windows {
         Self { height, width, radius, stride, plane, set, data, masked }
     }
 
+    /// Whether both have one size, radius and set of features, and masks both or none.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        let shape = |of: &Self| (of.height, of.width, of.radius, of.set, of.masked);
+        shape(self) == shape(other)
+    }
+
     /// Rows of the picture.
     pub fn height(&self) -> usize {
         self.height

@@ -20,6 +20,8 @@ const THREADS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// Vector operations of g_c per tap, forward and with the gradient, and per pair of pixels (`kernels/src/gc/kernel.rs`).
 const PER_TAP: [f64; 2] = [40.0, 75.0];
 const PER_PAIR: f64 = 60.0;
+/// Those of a pair that its radiance takes.
+const PER_RADIANCE: f64 = 25.0;
 /// Multiply-adds of a tile's convolutions over those of every tap, and operations per pixel and channel of what is multiplied
 /// (`kernels/src/network/points.rs`): of inputs, of outputs and of their gradients.
 const MULTIPLIED: f64 = 0.5;
@@ -117,17 +119,17 @@ fn correction(height: usize, width: usize) {
     let mut of_one = 0.0;
     for threads in THREADS {
         let parts = parts_of_gc(tiles.len(), threads);
-        let of_halves = |tile: &PictureTile| {
+        let of_tile = |tile: &PictureTile| {
             let strips =
                 with_regions(tile.region, radius, |job| job.in_parts(parts).iter().map(|part| part.region).collect());
-            let gc = [&strips, &strips].into_iter().flatten().map(|region| of_gc(region, radius, 0));
-            let half = Stage::alone(of_network * tile.window.pixels() as f64).then(Stage::of(gc));
-            (Stage { work: 2.0 * half.work, chain: half.chain }, 4 * strips.len())
+            let network = Stage::of([of_network * tile.window.pixels() as f64; 2]);
+            let gc = Stage::of(strips.iter().map(|region| of_views(region, radius)));
+            (network.then(gc), strips.len().max(2))
         };
         let add = |(sum, count): (Stage, usize), (tile, tasks): (Stage, usize)| {
             (Stage { work: sum.work + tile.work, chain: sum.chain.max(tile.chain) }, count + tasks)
         };
-        let (all, tasks) = tiles.iter().map(of_halves).fold((Stage::default(), 0), add);
+        let (all, tasks) = tiles.iter().map(of_tile).fold((Stage::default(), 0), add);
         of_one = if threads == 1 { all.work } else { of_one };
         all.print(threads, tasks, of_one);
     }
@@ -142,9 +144,20 @@ fn with_regions(region: Region, radius: usize, divide: impl Fn(Correction) -> Ve
     divide(Correction { windows: &windows, taps: &taps, region, parameters })
 }
 
-/// Operations of g_c over a region, with its gradient where `pass` is 1: strips of their own, rows in pairs of which one
-/// may lie outside.
+/// Operations of g_c over a region, with its gradient where `pass` is 1.
 fn of_gc(region: &Region, radius: usize, pass: usize) -> f64 {
+    let (taps, pairs) = taps_and_pairs(region, radius);
+    PER_TAP[pass] * taps + PER_PAIR * pairs
+}
+
+/// The same of both halves with their own guides and with those of the full buffer, which share some of the distances.
+fn of_views(region: &Region, radius: usize) -> f64 {
+    let (taps, pairs) = taps_and_pairs(region, radius);
+    4.0 * PER_TAP[0] * taps + (2.0 * PER_RADIANCE + 3.0 * (PER_PAIR - PER_RADIANCE)) * pairs
+}
+
+/// Taps and pairs of pixels of a region: strips of their own, rows in pairs of which one may lie outside.
+fn taps_and_pairs(region: &Region, radius: usize) -> (f64, f64) {
     let (height, width, r) = (region.height as isize, region.width as f64, radius as isize);
     let taps = region.pixels() as f64 * ((2 * radius + 1).pow(2) - 1) as f64;
     let strips = region.width.div_ceil(sspc_kernels::gc::STRIP) as f64;
@@ -159,7 +172,7 @@ fn of_gc(region: &Region, radius: usize, pass: usize) -> f64 {
             };
         }
     }
-    PER_TAP[pass] * taps + PER_PAIR * pairs
+    (taps, pairs)
 }
 
 /// Multiply-adds of a layer per pixel.

@@ -107,16 +107,9 @@ impl Filter<'_> {
         let padded = PaddedPlanes::of_rows(size, rows.clone(), planes.len(), fill, radius);
         let small = Taps::square(SMALL_RADIUS.min(radius));
         for (taps, averaged) in [self.taps, &small].into_iter().zip(averaged) {
-            let (runs, parts) = (plan.runs(), at_once());
-            let of = PictureCorrection {
-                isa: self.isa,
-                form: self.form,
-                windows: &windows,
-                taps,
-                parameters,
-                runs: &runs,
-                parts,
-            };
+            let runs = plan.runs();
+            let of = PictureCorrection::of_one(self.isa, self.form, &windows, taps, parameters, &runs);
+            let of = PictureCorrection { parts: at_once(), ..of };
             for (region, values) in of.means(&padded) {
                 for (values, (pass, c)) in values.chunks_exact(region.pixels()).zip(&planes) {
                     let plane = averaged[*pass].plane_mut(*c);

@@ -12,10 +12,10 @@
 //! so large regions cost least: 8 rows 10 to 15 % more per pixel than 32.
 
 use super::from_sums::{Complete, MAX_PARAMETERS};
-use super::pair_distances::{Distances, RowTaps};
+use super::pair_distances::{Anew, Distances, RowTaps};
 use super::strip::{Rows, STRIP, at_column};
 use super::tap_sums::{Sums, TapRow, begin, tap_values};
-use super::{Correction, ParameterPlanes};
+use super::{JointCorrection, ParameterPlanes, View};
 use crate::aligned::Aligned;
 use crate::region::Region;
 use crate::simd::{Kernel, Simd};
@@ -43,9 +43,11 @@ impl Upstream for NoUpstream {
 }
 
 pub(super) struct Correct<'a, U> {
-    pub of: Correction<'a>,
+    pub of: &'a JointCorrection<'a>,
     pub upstream: &'a mut U,
+    /// Of every view.
     pub out: &'a mut [f32],
+    /// Of the only view.
     pub gradient: &'a mut [f32],
 }
 
@@ -57,8 +59,7 @@ impl<U: Upstream> Kernel for Correct<'_, U> {
         let radius = self.of.taps.radius();
         let mut work = Work {
             taps: self.of.taps.pairs().into_iter().map(RowTaps::new).collect(),
-            rows: Rows::new(radius),
-            sums: Sums::new(radius, U::NEEDED),
+            views: self.of.views.iter().map(|_| ViewWork::new(radius, U::NEEDED)).collect(),
             distances: Distances::new(radius),
             tap_values: tap_values(),
         };
@@ -72,70 +73,100 @@ impl<U: Upstream> Kernel for Correct<'_, U> {
 /// Buffers that serve one strip after another.
 struct Work {
     taps: Vec<RowTaps>,
-    rows: Rows,
-    sums: Sums,
+    views: Vec<ViewWork>,
     distances: Distances,
     tap_values: Aligned,
+}
+
+/// Those of one view.
+struct ViewWork {
+    rows: Rows,
+    sums: Sums,
+}
+
+impl ViewWork {
+    fn new(radius: usize, gradient: bool) -> Self {
+        Self { rows: Rows::new(radius), sums: Sums::new(radius, gradient) }
+    }
+}
+
+/// What of a view's distances those of the one before are not.
+fn anew(views: &[View], at: usize) -> Anew {
+    let Some(before) = at.checked_sub(1).map(|before| &views[before]) else { return Anew::ALL };
+    let View { radiance, guides, .. } = views[at];
+    Anew { radiance: !std::ptr::eq(before.radiance, radiance), guides: !std::ptr::eq(before.guides, guides) }
 }
 
 impl<U: Upstream> Correct<'_, U> {
     #[inline(always)]
     fn strip<S: Simd>(&mut self, s: S, work: &mut Work, radius: isize, left: usize, width: usize) {
-        let strip = Region { left: self.of.region.left + left, width, ..self.of.region };
+        let (views, region) = (&self.of.views, &self.of.region);
+        let strip = Region { left: region.left + left, width, ..*region };
+        let (set, masked) = (views[0].guides.set(), views[0].guides.masked());
         let height = strip.height as isize;
         let inside = |y: isize| (0..height).contains(&y);
-        (-radius..0).for_each(|y| work.rows.copy(self.of.windows, &strip, y));
+        for (view, work) in views.iter().zip(&mut work.views) {
+            (-radius..0).for_each(|y| work.rows.copy(view.radiance, view.guides, &strip, y));
+        }
         for upper in -radius..height {
-            work.rows.copy(self.of.windows, &strip, upper + radius);
-            if inside(upper + radius) {
-                self.begin(s, work, (upper + radius) as usize, left, width);
+            for (view, work) in views.iter().zip(&mut work.views) {
+                work.rows.copy(view.radiance, view.guides, &strip, upper + radius);
+                if inside(upper + radius) {
+                    Self::begin(s, view, &mut work.sums, (upper + radius) as usize, left, width);
+                }
             }
-            let (set, masked) = (self.of.windows.set(), self.of.windows.masked());
-            let Work { taps, rows, sums, distances, tap_values } = work;
+            let Work { taps, views: of_views, distances, tap_values } = &mut *work;
             for row in taps.iter() {
                 let lower = upper + row.dy;
-                let ends = [rows.row(upper), rows.row(lower)];
-                distances.compute(s, set, row, ends, [inside(upper), inside(lower)], width);
-                for (y, taps, [own, other]) in [(lower, &row.up, [ends[1], ends[0]]), (upper, &row.down, ends)] {
-                    for x in (0..width).step_by(S::LANES).take_while(|_| inside(y)) {
-                        let tap_row = TapRow { s, set, masked, x, own, other, distances: distances.at_column(x) };
-                        let sums = sums.at::<S>(y as usize, x);
-                        if U::NEEDED {
-                            tap_row.add_for_gradient(taps, sums, tap_values);
-                        } else {
-                            tap_row.add(taps, sums, tap_values);
+                for (at, ViewWork { rows, sums }) in of_views.iter_mut().enumerate() {
+                    let ends = [rows.row(upper), rows.row(lower)];
+                    let wanted = [inside(upper), inside(lower)];
+                    distances.compute(s, set, anew(views, at), row, ends, wanted, width);
+                    for (y, taps, [own, other]) in [(lower, &row.up, [ends[1], ends[0]]), (upper, &row.down, ends)] {
+                        for x in (0..width).step_by(S::LANES).take_while(|_| inside(y)) {
+                            let tap_row = TapRow { s, set, masked, x, own, other, distances: distances.at_column(x) };
+                            let sums = sums.at::<S>(y as usize, x);
+                            if U::NEEDED {
+                                tap_row.add_for_gradient(taps, sums, tap_values);
+                            } else {
+                                tap_row.add(taps, sums, tap_values);
+                            }
                         }
                     }
                 }
             }
             if inside(upper) {
-                self.finish(s, work, upper as usize, left, width);
+                for (at, of_view) in work.views.iter_mut().enumerate() {
+                    self.finish(s, of_view, at, upper as usize, left, width);
+                }
             }
         }
     }
 
     /// Sums of a row before its first tap.
     #[inline(always)]
-    fn begin<S: Simd>(&self, s: S, work: &mut Work, y: usize, left: usize, width: usize) {
+    fn begin<S: Simd>(s: S, view: &View, sums: &mut Sums, y: usize, left: usize, width: usize) {
         for x in (0..width).step_by(S::LANES) {
             let lanes = S::LANES.min(width - x);
-            let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
-            begin(s, &p, U::NEEDED, work.sums.at::<S>(y, x));
+            let p = load_parameters(s, &view.parameters, y, left + x, lanes);
+            begin(s, &p, U::NEEDED, sums.at::<S>(y, x));
         }
     }
 
     /// Results of a row whose windows are complete.
     #[inline(always)]
-    fn finish<S: Simd>(&mut self, s: S, work: &mut Work, y: usize, left: usize, width: usize) {
-        let (form, plane) = (self.of.parameters.form, self.of.region.pixels());
+    fn finish<S: Simd>(&mut self, s: S, work: &mut ViewWork, at: usize, y: usize, left: usize, width: usize) {
+        let JointCorrection { views, region, .. } = self.of;
+        let View { guides, parameters, .. } = views[at];
+        let (form, plane) = (parameters.form, region.pixels());
         for x in (0..width).step_by(S::LANES) {
             let lanes = S::LANES.min(width - x);
-            let p = load_parameters(s, &self.of.parameters, y, left + x, lanes);
+            let p = load_parameters(s, &parameters, y, left + x, lanes);
             let centre = at_column::<S>(work.rows.row(y as isize), x as isize);
-            let pixels = Complete::new(s, p, self.of.windows.masked(), centre, work.sums.at::<S>(y, x));
+            let pixels = Complete::new(s, p, guides.masked(), centre, work.sums.at::<S>(y, x));
             let corrected = pixels.corrected(form);
-            let place = y * self.of.region.width + left + x;
-            store_planes(s, self.out, plane, place, lanes, &corrected);
+            let place = y * region.width + left + x;
+            store_planes(s, &mut self.out[3 * at * plane..], plane, place, lanes, &corrected);
             if U::NEEDED {
                 let upstream = self.upstream.gradient(s, y, left + x, lanes, corrected);
                 let gradient = pixels.gradient(form, upstream);

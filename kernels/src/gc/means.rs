@@ -5,7 +5,7 @@
 
 use super::from_sums::MAX_PARAMETERS;
 use super::kernel::{load_parameters, store_planes};
-use super::pair_distances::{Distances, RowTaps};
+use super::pair_distances::{Anew, Distances, RowTaps};
 use super::strip::{LEFT, PITCH, Rows, STRIP, at_column};
 use super::tap_sums::{SCALE, Sums, TapRow, WEIGHT, begin, tap_values};
 use super::{Correction, WEIGHT_FLOOR};
@@ -67,11 +67,11 @@ impl Means<'_> {
         let height = strip.height as isize;
         let inside = |y: isize| (0..height).contains(&y);
         for y in -radius..0 {
-            work.rows.copy(self.of.windows, &strip, y);
+            work.rows.copy(self.of.windows, self.of.windows, &strip, y);
             work.planes.copy(self.planes, &strip, y);
         }
         for upper in -radius..height {
-            work.rows.copy(self.of.windows, &strip, upper + radius);
+            work.rows.copy(self.of.windows, self.of.windows, &strip, upper + radius);
             work.planes.copy(self.planes, &strip, upper + radius);
             if inside(upper + radius) {
                 self.begin(s, work, (upper + radius) as usize, left, width);
@@ -81,7 +81,7 @@ impl Means<'_> {
             for row in taps.iter() {
                 let lower = upper + row.dy;
                 let ends = [rows.row(upper), rows.row(lower)];
-                distances.compute(s, set, row, ends, [inside(upper), inside(lower)], width);
+                distances.compute(s, set, Anew::ALL, row, ends, [inside(upper), inside(lower)], width);
                 for (y, of_taps, taps, [own, other]) in
                     [(lower, upper, &row.up, [ends[1], ends[0]]), (upper, lower, &row.down, ends)]
                 {

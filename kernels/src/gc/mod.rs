@@ -49,6 +49,97 @@ pub struct Correction<'a> {
     pub parameters: ParameterPlanes<'a>,
 }
 
+/// One of several corrections of the same pixels.
+#[derive(Clone, Copy)]
+pub struct View<'a> {
+    /// The noisy radiance.
+    pub radiance: &'a Windows,
+    /// All other features.
+    pub guides: &'a Windows,
+    /// The parameters of the region.
+    pub parameters: ParameterPlanes<'a>,
+}
+
+/// Several g_c of the same pixels at once. What one has in common with the one before, the same windows of radiance or of
+/// guides, is computed once; each is, bit for bit, what it is by itself.
+#[derive(Clone)]
+pub struct JointCorrection<'a> {
+    /// Whose windows have one shape and one set of features.
+    pub views: Vec<View<'a>>,
+    /// The window Ω_c.
+    pub taps: &'a Taps,
+    /// Which pixels of the picture.
+    pub region: Region,
+}
+
+impl JointCorrection<'_> {
+    /// Corrected radiance μ̂ of the region by every view, `[views, 3, region.height, region.width]`.
+    ///
+    /// # Panics
+    /// As [`Correction::forward`]; also when the windows of the views differ in shape or features.
+    pub fn forward(self, isa: Isa, out: &mut [f32]) {
+        self.run(isa, &mut NoUpstream, out, &mut []);
+    }
+
+    /// The same of a region that lies in this one.
+    pub fn within(mut self, region: Region) -> Self {
+        let (down, right) = (region.top - self.region.top, region.left - self.region.left);
+        self.views.iter_mut().for_each(|view| view.parameters = view.parameters.beyond(down, right));
+        Self { region, ..self }
+    }
+
+    /// The region in at least `parts` parts, as [`Correction::in_parts`].
+    pub fn in_parts(&self, parts: usize) -> Vec<Self> {
+        parts_of(self.region, parts).into_iter().map(|region| self.clone().within(region)).collect()
+    }
+
+    fn run<U: Upstream>(self, isa: Isa, upstream: &mut U, out: &mut [f32], gradient: &mut [f32]) {
+        let Self { views, taps, region } = &self;
+        if region.pixels() == 0 || views.is_empty() {
+            return;
+        }
+        let first = views[0].guides;
+        for View { radiance, guides, parameters } in views {
+            for windows in [radiance, guides] {
+                check(windows, taps, region);
+                assert!(windows.is_like(first), "windows of one shape and one set of features");
+            }
+            parameters.check(region);
+        }
+        assert_eq!(out.len(), views.len() * 3 * region.pixels(), "corrected radiance of the region");
+        dispatch(isa, kernel::Correct { of: &self, upstream, out, gradient });
+    }
+}
+
+/// Whether region and window lie in the picture.
+fn check(windows: &Windows, taps: &Taps, region: &Region) {
+    assert!(
+        region.top + region.height <= windows.height() && region.left + region.width <= windows.width(),
+        "region leaves the picture"
+    );
+    assert!(
+        taps.radius() <= windows.radius(),
+        "window of radius {} in planes padded by {}",
+        taps.radius(),
+        windows.radius()
+    );
+}
+
+/// A region in at least `parts` parts, strip by strip.
+fn parts_of(region: Region, parts: usize) -> Vec<Region> {
+    let strips = region.width.div_ceil(STRIP).max(1);
+    let rows = in_parts(region.height, parts.div_ceil(strips));
+    let lefts = (0..region.width).step_by(STRIP);
+    let places = lefts.flat_map(|left| rows.iter().map(move |rows| (left, rows.clone())));
+    let of_part = |(left, rows): (usize, std::ops::Range<usize>)| Region {
+        top: region.top + rows.start,
+        left: region.left + left,
+        height: rows.len(),
+        width: STRIP.min(region.width - left),
+    };
+    places.map(of_part).collect()
+}
+
 impl Correction<'_> {
     /// Corrected radiance μ̂ of the region, `[3, region.height, region.width]`: g_c in the paper's form,
     /// z + s (g_c - z) in the gated form.
@@ -91,43 +182,22 @@ impl Correction<'_> {
     /// The region in at least `parts` parts, where it has as many rows: in the order in which it is computed as a whole.
     /// Strips cost nothing, each part of a strip the rows around it.
     pub fn in_parts(self, parts: usize) -> Vec<Self> {
-        let Self { region, parameters, .. } = self;
-        let strips = region.width.div_ceil(strip::STRIP).max(1);
-        let rows = in_parts(region.height, parts.div_ceil(strips));
-        let lefts = (0..region.width).step_by(strip::STRIP);
-        let places = lefts.flat_map(|left| rows.iter().map(move |rows| (left, rows.clone())));
-        let of_part = |(left, rows): (usize, std::ops::Range<usize>)| {
-            let width = strip::STRIP.min(region.width - left);
-            let (top, height) = (region.top + rows.start, rows.len());
-            let start = parameters.start + rows.start * parameters.row + left;
-            let region = Region { top, left: region.left + left, height, width };
-            Self { region, parameters: ParameterPlanes { start, ..parameters }, ..self }
+        let of_part = |region: Region| {
+            let (down, right) = (region.top - self.region.top, region.left - self.region.left);
+            Self { region, parameters: self.parameters.beyond(down, right), ..self }
         };
-        places.map(of_part).collect()
+        parts_of(self.region, parts).into_iter().map(of_part).collect()
     }
 
     fn run<U: Upstream>(self, isa: Isa, upstream: &mut U, out: &mut [f32], gradient: &mut [f32]) {
-        if self.region.pixels() == 0 {
-            return;
-        }
-        self.check();
-        assert_eq!(out.len(), 3 * self.region.pixels(), "corrected radiance of the region");
-        dispatch(isa, kernel::Correct { of: self, upstream, out, gradient });
+        let Self { windows, taps, region, parameters } = self;
+        let views = vec![View { radiance: windows, guides: windows, parameters }];
+        JointCorrection { views, taps, region }.run(isa, upstream, out, gradient);
     }
 
     /// Whether region, window and parameters lie in the picture.
     fn check(&self) {
-        let Self { windows, taps, region, parameters } = self;
-        assert!(
-            region.top + region.height <= windows.height() && region.left + region.width <= windows.width(),
-            "region leaves the picture"
-        );
-        assert!(
-            taps.radius() <= windows.radius(),
-            "window of radius {} in planes padded by {}",
-            taps.radius(),
-            windows.radius()
-        );
-        parameters.check(region);
+        check(self.windows, self.taps, &self.region);
+        self.parameters.check(&self.region);
     }
 }

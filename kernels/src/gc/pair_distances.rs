@@ -48,6 +48,18 @@ impl RowTaps {
     }
 }
 
+/// Which distances are computed, and which stay those of the view before.
+#[derive(Clone, Copy)]
+pub(super) struct Anew {
+    pub radiance: bool,
+    /// All others.
+    pub guides: bool,
+}
+
+impl Anew {
+    pub(super) const ALL: Self = Self { radiance: true, guides: true };
+}
+
 /// Distances of the pairs of two rows in the order of the bandwidths, [`LENGTH`] floats each:
 /// ‖ρ_c-ρ_i‖², ‖n_c-n_i‖², (v_c-v_i)², log2(1 + ‖y_c-y_i‖²) and log2(1 + ‖z_c-z_i‖²). A pair's stand from the first one
 /// on that a pixel of the strip needs: for dx > 0 that is the lower row's first pixel, compared with one left of the strip.
@@ -63,12 +75,15 @@ impl Distances {
         &self.0[x..]
     }
 
-    /// Fills in what the pixels of the `upper` and `lower` row need that are `wanted`, of the features of `set`.
+    /// Fills in what the pixels of the `upper` and `lower` row need that are `wanted`, of the features of `set`; what is not
+    /// asked for `anew` stays.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "two rows and what is wanted of them")]
     pub(super) fn compute<S: Simd>(
         &mut self,
         s: S,
         set: FeatureSet,
+        anew: Anew,
         taps: &RowTaps,
         [upper, lower]: [&Row; 2],
         wanted: [bool; 2],
@@ -87,7 +102,8 @@ impl Distances {
             // A loop for each distance: their constants stay in registers, and each is short enough that several
             // vectors are under way at once.
             let rows = PairOfRows { s, upper, lower, right, dx: pair.dx, range };
-            let takes_part = [set.albedo, set.normal, set.visibility, true, true];
+            let Anew { radiance, guides } = anew;
+            let takes_part = [guides && set.albedo, guides && set.normal, guides && set.visibility, radiance, guides];
             let mut of_distances = of_pair.chunks_exact_mut(LENGTH).zip(takes_part);
             let mut next = || of_distances.next().and_then(|(values, takes_part)| takes_part.then_some(values));
             rows.fill::<0>(next());

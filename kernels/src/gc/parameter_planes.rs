@@ -36,6 +36,11 @@ impl<'a> ParameterPlanes<'a> {
         }
     }
 
+    /// From so many pixels below and right of the first on.
+    pub(super) fn beyond(self, down: usize, right: usize) -> Self {
+        Self { start: self.start + down * self.row + right, ..self }
+    }
+
     pub(super) fn check(&self, region: &Region) {
         let last =
             self.start + (self.form.parameters() - 1) * self.plane + (region.height - 1) * self.row + region.width;

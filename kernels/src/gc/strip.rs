@@ -4,7 +4,7 @@
 //! distances lead from plane to plane and the rows of a window stay in the first caches.
 
 use crate::aligned::Aligned;
-use crate::features::{FEATURE_CHANNELS, MAX_RADIUS};
+use crate::features::{ALBEDO, FEATURE_CHANNELS, MAX_RADIUS};
 use crate::region::Region;
 use crate::simd::{MAX_LANES, Simd};
 use crate::windows::Windows;
@@ -45,8 +45,9 @@ impl Rows {
         Self { data: Aligned::zeros((radius + 1) * ROW), radius }
     }
 
-    /// Copies row `y` (from -radius on) of a strip with all that its windows reach to either side.
-    pub(super) fn copy(&mut self, windows: &Windows, strip: &Region, y: isize) {
+    /// Copies row `y` (from -radius on) of a strip, radiance and all other features, with all that its windows reach to either
+    /// side.
+    pub(super) fn copy(&mut self, radiance: &Windows, windows: &Windows, strip: &Region, y: isize) {
         let radius = self.radius;
         // The padding of `Windows` holds the taps of a vector that starts in the last column.
         let count = strip.width + 2 * radius + MAX_LANES;
@@ -54,7 +55,8 @@ impl Rows {
         let from = row * windows.stride() + strip.left + windows.radius() - radius;
         let at = self.slot(y) * ROW + LEFT - radius;
         for c in 0..FEATURE_CHANNELS + usize::from(windows.masked()) {
-            let source = &windows.data()[c * windows.plane() + from..][..count];
+            let planes = if c < ALBEDO { radiance } else { windows };
+            let source = &planes.data()[c * windows.plane() + from..][..count];
             self.data[at + c * PITCH..][..count].copy_from_slice(source);
         }
     }

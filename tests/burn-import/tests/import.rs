@@ -83,16 +83,9 @@ fn the_imported_image_graph_gives_our_picture() {
         let everything = Plan::everything(height, width);
         let ours = halves.each_ref().map(|half| {
             let windows = Windows::new(half, None, FeatureSet::ALL, taps.radius());
-            let of = PictureCorrection {
-                isa: Isa::best(),
-                form: Form::Gated,
-                windows: &windows,
-                taps: &taps,
-                parameters: &our_parameters(half),
-                runs: &everything.runs(),
-                parts: 1,
-            };
-            of.corrected()
+            let (runs, parameters) = (everything.runs(), our_parameters(half));
+            let of = PictureCorrection::of_one(Isa::best(), Form::Gated, &windows, &taps, &parameters, &runs);
+            of.corrected().remove(0)
         });
         let found = values(found);
         for (h, ours) in ours.iter().enumerate() {

@@ -105,16 +105,9 @@ fn stages(frame: &Frame, stats: FrameStats) -> Stages {
     let planes = [0, 1].map(|h| planned(&window_network, &prepared.halves[h], &prepared.plan));
     let halves = [0, 1].map(|h| {
         let windows = Windows::new(&prepared.halves[h], prepared.valid.as_ref(), prepared.set, settings.radius);
-        let of = PictureCorrection {
-            isa: Isa::best(),
-            form: settings.form,
-            windows: &windows,
-            taps: &taps,
-            parameters: &planes[h],
-            runs: &prepared.plan.runs(),
-            parts: 1,
-        };
-        of.corrected()
+        let runs = prepared.plan.runs();
+        let of = PictureCorrection::of_one(Isa::best(), settings.form, &windows, &taps, &planes[h], &runs);
+        of.corrected().remove(0)
     });
     let done = corrected(frame, trusted(stats), &settings, &network);
     assert_eq!(done.verdict.fallback, None, "a fallback would leave nothing to compare");
