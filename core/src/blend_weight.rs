@@ -14,10 +14,12 @@
 //! those of the full buffer; by the samples of the half corrected it was within 2 % of this, either way.
 
 use crate::held_out::blind;
+use crate::lanes::widest;
 use crate::prepare::Prepared;
 use crate::residuals::{Residual, Residuals, dot, limited};
 use rayon::prelude::*;
 use sspc_image::{Image, box_mean};
+use sspc_kernels::simd::{Kernel, Simd};
 
 /// Radius of the neighbourhood that judges a pixel; two box means of this radius.
 pub const WEIGHT_RADIUS: usize = 15;
@@ -68,11 +70,7 @@ impl Evidence {
         let agreement = evidence.agreement.plane_mut(0).par_chunks_mut(width);
         let size = evidence.size.plane_mut(0).par_chunks_mut(width);
         agreement.zip(size).enumerate().for_each(|(y, (agreement, size))| {
-            residuals.of_row(y, corrected, |residual| {
-                let ((r, d), Residual { x, weight, .. }) = (way(&residual), residual);
-                agreement[x] += weight * dot(r, d);
-                size[x] += weight * dot(d, d);
-            });
+            widest(AddRow { residuals: &residuals, y, corrected, way: &way, agreement, size });
         });
         evidence
     }
@@ -97,6 +95,30 @@ impl Evidence {
                 *share = best_share(*agreement, *size);
             }
         })
+    }
+}
+
+/// Adds what the residuals of a row say of a way.
+struct AddRow<'a, const N: usize, W> {
+    residuals: &'a Residuals<'a>,
+    y: usize,
+    corrected: [&'a [Image; 2]; N],
+    way: &'a W,
+    agreement: &'a mut [f32],
+    size: &'a mut [f32],
+}
+
+impl<const N: usize, W: Fn(&Residual<N>) -> ([f32; 3], [f32; 3])> Kernel for AddRow<'_, N, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Self { residuals, y, corrected, way, agreement, size } = self;
+        residuals.of_row(y, corrected, |residual| {
+            let ((r, d), Residual { x, weight, .. }) = (way(&residual), residual);
+            agreement[x] += weight * dot(r, d);
+            size[x] += weight * dot(d, d);
+        });
     }
 }
 

@@ -202,22 +202,28 @@ impl Composer<'_> {
         let prepared = &*prepared.of_variant(k);
         let height = prepared.height();
         let finished = prepared.plan.within_rows(self.limited_rows(rows, height));
-        let halves = [0, 1].map(|h| triple(&prepared.halves[h], DENOISED));
-        let full = (self.composition == Composition::JudgedFullBuffer).then(|| prepared.denoised.clone());
+        let black = || Image::zeros(3, height, prepared.width());
+        let halves = [black(), black()];
+        let full = (self.composition == Composition::JudgedFullBuffer).then(black);
         let grid = TileGrid::new(height, prepared.width(), source.tile(), source.shape().radius());
-        let tiles: Vec<PictureTile> =
-            grid.tiles_of_rows(0..height).into_iter().filter(|tile| weighed.touches(&tile.region)).collect();
+        let tiles = grid.tiles_of_rows(0..height);
         let parts = parts_of_gc(tiles.len(), at_once());
         // One tile is put in place while the others are computed.
         let pictures = Mutex::new((halves, full));
         tiles.into_par_iter().try_for_each(|tile| {
             let runs = [weighed, &finished].map(|plan| plan.runs_in(&tile.region));
-            let ([a, b], of_full) = self.tile(prepared, source, k, &tile, &runs, parts)?;
+            let ([a, b], of_full) = match weighed.touches(&tile.region) {
+                true => self.tile(prepared, source, k, &tile, &runs, parts)?,
+                false => ([0, 1].map(|h| colours_of(&prepared.halves[h], DENOISED, &tile.region)), None),
+            };
             let mut pictures = pictures.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             let (halves, full) = &mut *pictures;
             let Region { top, left, .. } = tile.region;
             halves.iter_mut().zip([a, b]).for_each(|(picture, half)| picture.put(top, left, &half));
-            full.iter_mut().zip(of_full).for_each(|(picture, full)| picture.put(top, left, &full));
+            if let Some(picture) = full {
+                let z = || colours_of(&prepared.denoised, 0, &tile.region);
+                picture.put(top, left, &of_full.unwrap_or_else(z));
+            }
             Ok(())
         })?;
         let (halves, full) = pictures.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -282,6 +288,13 @@ impl Composer<'_> {
         let reach = self.margin() - self.taps.radius();
         rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
     }
+}
+
+/// Three channels from `first` on of some pixels of an image.
+fn colours_of(image: &Image, first: usize, &Region { top, left, height, width }: &Region) -> Image {
+    Image::from_rows(3, height, width, |k, y, row| {
+        row.copy_from_slice(&image.row(first + k, top + y)[left..left + width]);
+    })
 }
 
 /// In how many parts at least g_c over one of so many tiles is divided where so many threads can run at once.

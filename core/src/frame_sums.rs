@@ -16,13 +16,14 @@
 use crate::composition::Composition;
 use crate::estimate::{BLOCK, Blocks, Errors, Estimate, Losses, Mean};
 use crate::held_out;
-use crate::lanes::{LANES, lanes, lanes_of_colour};
+use crate::lanes::{LANES, lanes, lanes_of_colour, widest};
 use crate::objective::{RELATIVE_FLOOR, weight_of};
 use crate::prepare::Prepared;
 use crate::trust::Trust;
 use rayon::prelude::*;
 use sspc_image::Image;
 use sspc_kernels::features::{DENOISED, RADIANCE};
+use sspc_kernels::simd::{Kernel, Simd};
 use std::ops::Range;
 
 /// Sums over the blocks of a picture, or of its first bands from top to bottom.
@@ -79,7 +80,8 @@ impl FrameSums {
             .map(|top| {
                 let mut blocks = vec![([0.0; QUANTITIES], 0.0); prepared.width().div_ceil(BLOCK)];
                 for y in top..(top + BLOCK).min(rows.end) {
-                    Pixels::of_row(prepared, corrected, share, correction, y).add_to(&mut blocks);
+                    let pixels = Pixels::of_row(prepared, corrected, share, correction, y);
+                    widest(AddRow { pixels, blocks: &mut blocks });
                 }
                 blocks
             })
@@ -167,6 +169,21 @@ impl FrameSums {
     }
 }
 
+/// Adds the pixels of a row to its blocks.
+struct AddRow<'a> {
+    pixels: Pixels<'a>,
+    blocks: &'a mut [BlockSum],
+}
+
+impl Kernel for AddRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        self.pixels.add_to(self.blocks);
+    }
+}
+
 /// A row of everything that a picture is judged by; by halves and channels.
 struct Pixels<'a> {
     z: [[&'a [f32]; 3]; 2],
@@ -204,22 +221,24 @@ impl<'a> Pixels<'a> {
         }
     }
 
+    #[inline(always)]
     fn add_to(&self, blocks: &mut [BlockSum]) {
         for (block, (sums, count)) in blocks.iter_mut().enumerate() {
             let first = block * BLOCK;
             let quantities = self.quantities(first);
-            let pixels = 0..LANES.min(self.share.len() - first);
-            let is_valid = |i: usize| self.valid.is_none_or(|valid| valid[first + i] != 0.0);
-            *count += 3.0 * pixels.clone().filter(|&i| is_valid(i)).count() as f64;
-            for (sum, values) in sums.iter_mut().zip(&quantities) {
-                for i in pixels.clone().filter(|&i| is_valid(i)) {
-                    *sum += values[i];
+            for i in 0..LANES.min(self.share.len() - first) {
+                if self.valid.is_none_or(|valid| valid[first + i] != 0.0) {
+                    for (sum, values) in sums.iter_mut().zip(&quantities) {
+                        *sum += values[i];
+                    }
+                    *count += 3.0;
                 }
             }
         }
     }
 
     /// Of the pixels of a block.
+    #[inline(always)]
     fn quantities(&self, first: usize) -> [[f64; LANES]; QUANTITIES] {
         let share = lanes(self.share, first);
         let mut losses = [[0.0; LANES]; 4];
@@ -236,10 +255,10 @@ impl<'a> Pixels<'a> {
                     let mixed = (z[k][i] + share[i] * (corrected[k][i] - z[k][i])).max(0.0);
                     blended[k][i] = mixed;
                     let y = radiance[k][i];
-                    let of_values = [z[k][i] - y, mixed - y, corrected[k][i] - y].map(f64::from);
-                    of[0][i] += of_values[0] * of_values[0];
-                    of[1][i] += of_values[1] * of_values[1];
-                    of[2][i] += of_values[2] * of_values[2];
+                    let less_y = (f64::from(z[k][i] - y), f64::from(mixed - y), f64::from(corrected[k][i] - y));
+                    of[0][i] += less_y.0 * less_y.0;
+                    of[1][i] += less_y.1 * less_y.1;
+                    of[2][i] += less_y.2 * less_y.2;
                     // (p - y)² - (q - y)² without the cancellation of two large squares.
                     let (p, q) = (f64::from(z[k][i]), f64::from(mixed));
                     of[3][i] += (p - q) * (p + q - 2.0 * f64::from(y));
@@ -255,25 +274,20 @@ impl<'a> Pixels<'a> {
             }
         }
         let [w_a, w_b] = self.weights;
-        let z = [0, 1].map(|h| lanes_of_colour(&self.z[h], first));
-        let radiance = [0, 1].map(|h| lanes_of_colour(&self.radiance[h], first));
+        let z = [lanes_of_colour(&self.z[0], first), lanes_of_colour(&self.z[1], first)];
+        let radiance = [lanes_of_colour(&self.radiance[0], first), lanes_of_colour(&self.radiance[1], first)];
         let (pictures, corrections) =
             (lanes_of_colour(&self.denoised, first), lanes_of_colour(&self.correction, first));
         let [mut variance, mut finished, mut denoised] = [[0.0; LANES]; 3];
         let (mut apart, mut differ) = ([[0.0; LANES]; 2], [[0.0; LANES]; 2]);
         for k in 0..3 {
             for i in 0..LANES {
-                let square = |p: f32, q: f32| f64::from(p - q) * f64::from(p - q);
-                // ‖x - y‖² less ‖y‖² of half a, less the same of half b.
-                let alone = |x: f32, y: f32| f64::from(x) * (f64::from(x) - 2.0 * f64::from(y));
                 let (y_a, y_b) = (radiance[0][k][i], radiance[1][k][i]);
                 variance[i] += 0.5 * square(y_a, y_b);
-                for (of, [a, b]) in
-                    [[z[0][k][i], z[1][k][i]], [blended[0][k][i], blended[1][k][i]]].into_iter().enumerate()
-                {
-                    apart[of][i] += square(a, b);
-                    differ[of][i] += alone(a, y_b) - alone(b, y_a);
-                }
+                apart[0][i] += square(z[0][k][i], z[1][k][i]);
+                apart[1][i] += square(blended[0][k][i], blended[1][k][i]);
+                differ[0][i] += alone(z[0][k][i], y_b) - alone(z[1][k][i], y_a);
+                differ[1][i] += alone(blended[0][k][i], y_b) - alone(blended[1][k][i], y_a);
                 finished[i] += f64::from((pictures[k][i] + corrections[k][i]).max(0.0));
                 denoised[i] += f64::from(pictures[k][i]);
             }
@@ -284,10 +298,12 @@ impl<'a> Pixels<'a> {
             let by_denoised = (denoised[i] / 3.0) * (denoised[i] / 3.0) + self.floor;
             let of_z = squares[0][i] - variance[i] + (w_a - 0.5) * differ[0][i] - w_a * w_b * apart[0][i];
             let of_blended = squares[1][i] - variance[i] + (w_a - 0.5) * differ[1][i] - w_a * w_b * apart[1][i];
-            for (n, error) in [of_z, of_blended, of_z - of_blended].into_iter().enumerate() {
-                quantities[4 + 2 * n][i] = error / by_finished;
-                quantities[5 + 2 * n][i] = error / by_denoised;
-                quantities[10 + n][i] = (error / by_finished) * (error / by_finished);
+            let errors = [of_z, of_blended, of_z - of_blended];
+            for n in 0..3 {
+                let by_finished = errors[n] / by_finished;
+                quantities[4 + 2 * n][i] = by_finished;
+                quantities[5 + 2 * n][i] = errors[n] / by_denoised;
+                quantities[10 + n][i] = by_finished * by_finished;
             }
             for (quantity, loss) in quantities.iter_mut().zip(&losses) {
                 quantity[i] = loss[i];
@@ -295,6 +311,18 @@ impl<'a> Pixels<'a> {
         }
         quantities
     }
+}
+
+/// (p - q)²
+#[inline(always)]
+fn square(p: f32, q: f32) -> f64 {
+    f64::from(p - q) * f64::from(p - q)
+}
+
+/// (x - y)² less y²
+#[inline(always)]
+fn alone(x: f32, y: f32) -> f64 {
+    f64::from(x) * (f64::from(x) - 2.0 * f64::from(y))
 }
 
 /// Standard errors by which an estimate is below zero by more than chance.

@@ -1,7 +1,15 @@
-//! Rows in runs of pixels, as arrays: what is computed of arrays alone, the compiler turns into vectors.
+//! Rows in runs of pixels, as arrays: what is computed of arrays alone, the compiler turns into vectors, as wide as the
+//! machine's under [`widest`]. Plain arithmetic gives the same bits with any.
+
+use sspc_kernels::simd::{Isa, Kernel, dispatch};
 
 /// Pixels of a run, as many as a [block](crate::plan::BLOCK_COLUMNS) has.
 pub(crate) const LANES: usize = crate::plan::BLOCK_COLUMNS;
+
+/// Runs a kernel with the widest vectors that the machine has.
+pub(crate) fn widest<K: Kernel>(kernel: K) -> K::Output {
+    dispatch(Isa::best(), kernel)
+}
 
 /// The pixels of a row from column `x` on; 0 beyond its end.
 #[inline(always)]

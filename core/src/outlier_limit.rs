@@ -7,12 +7,14 @@
 //! than twice what they differ by close to it. Where one half itself is far brighter than the other and nothing around
 //! the pixel differs so, the brighter one is the firefly, and the range is from the darker to a little above it.
 
-use crate::lanes::{LANES, lanes, lanes_of_colour, less, mixed, put, squared};
+use crate::lanes::{LANES, lanes, lanes_of_colour, less, mixed, put, squared, widest};
 use crate::objective::{RELATIVE_FLOOR, weight_of};
+use crate::plan::Plan;
 use crate::prepare::Prepared;
 use rayon::prelude::*;
 use sspc_image::{HalfWeights, Image, box_mean};
 use sspc_kernels::features::DENOISED;
+use sspc_kernels::simd::{Kernel, Simd};
 
 /// Radius of the box in which squared distances are averaged, pixels: what a pixel's limit depends on.
 pub const LIMIT_RADIUS: usize = 8;
@@ -50,27 +52,8 @@ pub(crate) fn limit_outliers(prepared: &Prepared, halves: &[Image; 2], share: &m
     of_picture_rows.zip(of_halves_rows).zip(apart_rows).enumerate().for_each(
         |(y, ((of_picture, of_halves), apart))| {
             let rows = Rows::new(prepared, halves, y);
-            let corrected = [0, 1, 2].map(|k| picture.row(k, y));
-            for x in (0..width).step_by(LANES) {
-                let Blended { a, b, whole, mean } = rows.blended(&corrected, share.row(0, y), x);
-                let mut weight = [0.0; LANES];
-                for i in 0..LANES {
-                    weight[i] = weight_of([mean[0][i], mean[1][i], mean[2][i]], RELATIVE_FLOOR);
-                }
-                let distance = |from: &[[f32; LANES]; 3]| {
-                    squared(&[less(&from[0], &mean[0]), less(&from[1], &mean[1]), less(&from[2], &mean[2])])
-                };
-                let (mut far, mut own, mut difference) = (distance(&whole), distance(&a), [0.0; LANES]);
-                for i in 0..LANES {
-                    far[i] *= weight[i];
-                    own[i] = weight[i] * own[i] * of_mean;
-                    let sum = (a[0][i] - b[0][i]).abs() + (a[1][i] - b[1][i]).abs() + (a[2][i] - b[2][i]).abs();
-                    difference[i] = sum / 3.0;
-                }
-                put(of_picture, x, &far);
-                put(of_halves, x, &own);
-                put(apart, x, &difference);
-            }
+            let (picture, share) = ([0, 1, 2].map(|k| picture.row(k, y)), share.row(0, y));
+            widest(Distances { rows, picture, share, of_mean, of_picture, of_halves, apart });
         },
     );
     let (of_picture, of_halves) = (box_mean(&of_picture, LIMIT_RADIUS), box_mean(&of_halves, LIMIT_RADIUS));
@@ -78,22 +61,96 @@ pub(crate) fn limit_outliers(prepared: &Prepared, halves: &[Image; 2], share: &m
     let [red, green, blue] = picture.planes_mut().map(|plane| plane.par_chunks_mut(width));
     let rows = red.zip(green).zip(blue).zip(share.plane_mut(0).par_chunks_mut(width)).enumerate();
     rows.for_each(|(y, (((red, green), blue), share))| {
-        let rows = Rows::new(prepared, halves, y);
-        for x in (0..width).step_by(LANES).filter(|&x| prepared.plan.is_active(y, x)) {
+        let limits = [&of_picture, &of_halves, &close, &apart, &around].map(|image| image.row(0, y));
+        let (rows, plan) = (Rows::new(prepared, halves, y), &prepared.plan);
+        widest(Limit { y, rows, plan, limits, picture: [red, green, blue], share });
+    });
+}
+
+/// Squared distances of a row of the picture and of half a from the halves' mean, and how far the halves are apart.
+struct Distances<'a> {
+    rows: Rows<'a>,
+    picture: [&'a [f32]; 3],
+    share: &'a [f32],
+    /// What makes the expected squared error of the mean of a half's squared distance.
+    of_mean: f32,
+    of_picture: &'a mut [f32],
+    of_halves: &'a mut [f32],
+    apart: &'a mut [f32],
+}
+
+impl Kernel for Distances<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        for x in (0..self.share.len()).step_by(LANES) {
+            let Blended { a, b, whole, mean } = self.rows.blended(&self.picture, self.share, x);
+            let (mut far, mut own) = (distance(&whole, &mean), distance(&a, &mean));
+            let mut apart = [0.0; LANES];
+            for i in 0..LANES {
+                let weight = weight_of([mean[0][i], mean[1][i], mean[2][i]], RELATIVE_FLOOR);
+                far[i] *= weight;
+                own[i] = weight * own[i] * self.of_mean;
+                let sum = (a[0][i] - b[0][i]).abs() + (a[1][i] - b[1][i]).abs() + (a[2][i] - b[2][i]).abs();
+                apart[i] = sum / 3.0;
+            }
+            put(self.of_picture, x, &far);
+            put(self.of_halves, x, &own);
+            put(self.apart, x, &apart);
+        }
+    }
+}
+
+/// ‖p - q‖² by pixel.
+#[inline(always)]
+fn distance(p: &[[f32; LANES]; 3], q: &[[f32; LANES]; 3]) -> [f32; LANES] {
+    squared(&[less(&p[0], &q[0]), less(&p[1], &q[1]), less(&p[2], &q[2])])
+}
+
+/// Limits a row of the picture.
+struct Limit<'a> {
+    y: usize,
+    rows: Rows<'a>,
+    plan: &'a Plan,
+    /// As of [`Blended::limited`].
+    limits: [&'a [f32]; 5],
+    picture: [&'a mut [f32]; 3],
+    share: &'a mut [f32],
+}
+
+impl Kernel for Limit<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Self { y, rows, plan, limits: [far, own, close, apart, around], picture: [red, green, blue], share } = self;
+        let width = share.len();
+        for x in (0..width).step_by(LANES) {
+            if !plan.is_active(y, x) {
+                continue;
+            }
             let blended = rows.blended(&[&*red, &*green, &*blue], share, x);
-            let limits = [&of_picture, &of_halves, &close, &apart, &around].map(|image| lanes(image.row(0, y), x));
+            let limits = [lanes(far, x), lanes(own, x), lanes(close, x), lanes(apart, x), lanes(around, x)];
             let limited = blended.limited(&limits);
-            let is_limited = |i: usize| (0..3).any(|k| limited[k][i] != blended.whole[k][i]);
-            for i in (0..LANES.min(width - x)).filter(|&i| is_limited(i)) {
-                let share = &mut share[x + i];
-                *share = share.max(LEAST_SHARE);
-                for (k, row) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
-                    let z = rows.denoised[k][x + i];
-                    row[x + i] = z + (limited[k][i] - z) / *share;
+            let mut is_limited = [false; LANES];
+            for k in 0..3 {
+                for i in 0..LANES {
+                    is_limited[i] |= limited[k][i] != blended.whole[k][i];
+                }
+            }
+            for i in 0..LANES.min(width - x) {
+                if is_limited[i] {
+                    let share = &mut share[x + i];
+                    *share = share.max(LEAST_SHARE);
+                    let z = rows.denoised;
+                    red[x + i] = z[0][x + i] + (limited[0][i] - z[0][x + i]) / *share;
+                    green[x + i] = z[1][x + i] + (limited[1][i] - z[1][x + i]) / *share;
+                    blue[x + i] = z[2][x + i] + (limited[2][i] - z[2][x + i]) / *share;
                 }
             }
         }
-    });
+    }
 }
 
 /// Mean of a plane over the ring around each pixel; at the border as if it were whole.
@@ -137,30 +194,32 @@ impl<'a> Rows<'a> {
     }
 
     /// The pixels from column `x` on, of a row of a corrected picture and of the share that is used.
+    #[inline(always)]
     fn blended(&self, picture: &[&[f32]; 3], share: &[f32], x: usize) -> Blended {
         let share = lanes(share, x);
-        let of = |z: &[&[f32]; 3], corrected: &[&[f32]; 3]| {
-            let (z, corrected) = (lanes_of_colour(z, x), lanes_of_colour(corrected, x));
-            [
-                mixed(&z[0], &corrected[0], &share),
-                mixed(&z[1], &corrected[1], &share),
-                mixed(&z[2], &corrected[2], &share),
-            ]
-        };
-        let [a, b] = [0, 1].map(|h| of(&self.z[h], &self.corrected[h]));
+        let a = mixed_colour(&self.z[0], &self.corrected[0], &share, x);
+        let b = mixed_colour(&self.z[1], &self.corrected[1], &share, x);
         let mut mean = [[0.0; LANES]; 3];
         for k in 0..3 {
             for i in 0..LANES {
                 mean[k][i] = self.weights.mean(a[k][i], b[k][i]);
             }
         }
-        Blended { a, b, whole: of(&self.denoised, picture), mean }
+        Blended { a, b, whole: mixed_colour(&self.denoised, picture, &share, x), mean }
     }
+}
+
+/// p + share (q - p) of the pixels from column `x` on.
+#[inline(always)]
+fn mixed_colour(p: &[&[f32]; 3], q: &[&[f32]; 3], share: &[f32; LANES], x: usize) -> [[f32; LANES]; 3] {
+    let (p, q) = (lanes_of_colour(p, x), lanes_of_colour(q, x));
+    [mixed(&p[0], &q[0], share), mixed(&p[1], &q[1], share), mixed(&p[2], &q[2], share)]
 }
 
 impl Blended {
     /// The picture as far as it may be from the halves, by the means of what each is apart: of the picture's squared distance and of
     /// the halves' around, of the halves' close by, of theirs in the pixel, and in the ring around it.
+    #[inline(always)]
     fn limited(&self, limits: &[[f32; LANES]; 5]) -> [[f32; LANES]; 3] {
         let [of_picture, of_halves, close, apart, around] = limits;
         let mut limited = self.whole;
@@ -185,7 +244,6 @@ impl Blended {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::Plan;
     use crate::prepare::Findings;
     use sspc_kernels::features::{FEATURE_CHANNELS, FeatureSet};
     use std::sync::Arc;

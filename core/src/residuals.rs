@@ -36,6 +36,7 @@ impl<'a> Residuals<'a> {
     }
 
     /// Every residual of row `y`, with N corrections of both halves, `[3, H, W]` each.
+    #[inline(always)]
     pub fn of_row<const N: usize>(&self, y: usize, corrected: [&[Image; 2]; N], mut tell: impl FnMut(Residual<N>)) {
         let prepared = self.prepared;
         for h in 0..2 {
@@ -95,12 +96,14 @@ impl<'a> Residuals<'a> {
 }
 
 /// A residual as it counts.
+#[inline(always)]
 pub(crate) fn limited(r: [f32; 3], weight: f32) -> [f32; 3] {
     let limit = limit(dot(r, r), weight);
     [limit * r[0], limit * r[1], limit * r[2]]
 }
 
 /// What residuals count, 0..1.
+#[inline(always)]
 fn limits(r: &[[f32; LANES]; 3], weight: &[f32; LANES]) -> [f32; LANES] {
     let mut limits = squared(r);
     for i in 0..LANES {
@@ -109,10 +112,12 @@ fn limits(r: &[[f32; LANES]; 3], weight: &[f32; LANES]) -> [f32; LANES] {
     limits
 }
 
+#[inline(always)]
 fn limit(squared: f32, weight: f32) -> f32 {
     LARGEST_RESIDUAL / (weight * squared).sqrt().max(LARGEST_RESIDUAL)
 }
 
+#[inline(always)]
 pub(crate) fn dot(p: [f32; 3], q: [f32; 3]) -> f32 {
     p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }

@@ -17,16 +17,15 @@ use crate::container::Container;
 use crate::container::attributes::LONGEST_NAME;
 use crate::container::channels::ChannelEntry;
 use crate::container::chunks::ChunkReader;
-use crate::container::copy::{Copy, CopyError, Placed, Target, mean_of};
+use crate::container::copy::{Copy, CopyError, Placed, Target, mean_row};
 use crate::container::fault::Fault;
-use crate::container::pixels::{Wanted, read_planes};
+use crate::container::pixels::{Wanted, convert_line, read_planes, store_line};
 use crate::error::{Error, Purpose};
 use crate::exr_file::ExrFile;
 use crate::place::{Place, place_of};
 use crate::resolve::Resolution;
 use crate::window::Window;
 use exr::meta::attribute::SampleType;
-use exr::prelude::f16;
 use rayon::prelude::*;
 use sspc_image::{Image, Storage};
 use std::fs::File;
@@ -254,10 +253,15 @@ fn check_rows(written: &Container, targets: &[Target], pictures: &[Placed], top:
 fn check_plane(target: &Target, picture: &Placed, inside: &Window, plane: &[f32]) -> Result<(), String> {
     let (image, window) = (picture.image, picture.window);
     let (left, top) = ((inside.left - window.left) as usize, (inside.top - window.top) as usize);
+    let (mut expected, mut stored) = (vec![0.0; inside.width], Vec::new());
     for (y, row) in plane.chunks_exact(inside.width).enumerate() {
-        for (x, found) in row.iter().enumerate() {
-            let value = mean_of(target.planes.iter().map(|&c| image.at(c, top + y, left + x)));
-            let expected = if target.kind == SampleType::F16 { f16::from_f32(value).to_f32() } else { value };
+        let planes: Vec<&[f32]> =
+            target.planes.iter().map(|&c| &image.row(c, top + y)[left..left + inside.width]).collect();
+        mean_row(&planes, &mut expected);
+        stored.clear();
+        store_line(&expected, target.kind, &mut stored);
+        convert_line(&stored, target.kind, &mut expected);
+        for (found, expected) in row.iter().zip(&expected) {
             if found.to_bits() != expected.to_bits() && !(found.is_nan() && expected.is_nan()) {
                 return Err(format!("{found} instead of {expected} in row {}", top + y));
             }

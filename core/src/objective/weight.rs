@@ -6,6 +6,7 @@ use sspc_image::Image;
 use sspc_kernels::features::DENOISED;
 
 /// 1 / (z̄² + floor) of one pixel's z.
+#[inline(always)]
 pub fn weight_of(z: [f32; 3], floor: f32) -> f32 {
     let mean = (z[0] + z[1] + z[2]) / 3.0;
     1.0 / (mean * mean + floor)

@@ -343,13 +343,19 @@ fn put_picture(picture: &Placed, planes: &[usize], (left, top): (i32, i32), row:
     let (x, from) = ((inside.left - left) as usize, (inside.left - picture.window.left) as usize);
     let y = (top - picture.window.top) as usize;
     let rows: Vec<&[f32]> = planes.iter().map(|&c| &picture.image.row(c, y)[from..from + inside.width]).collect();
-    for (i, value) in row[x..x + inside.width].iter_mut().enumerate() {
-        *value = mean_of(rows.iter().map(|row| row[i]));
+    mean_row(&rows, &mut row[x..x + inside.width]);
+}
+
+/// The mean of some rows, value by value.
+pub fn mean_row(rows: &[&[f32]], out: &mut [f32]) {
+    match rows {
+        [row] => out.copy_from_slice(row),
+        _ => out.iter_mut().enumerate().for_each(|(x, value)| *value = mean_of(rows.iter().map(|row| row[x]))),
     }
 }
 
 /// The mean of some values; of equal ones, that value bit for bit.
-pub fn mean_of(values: impl Iterator<Item = f32> + Clone) -> f32 {
+fn mean_of(values: impl Iterator<Item = f32> + Clone) -> f32 {
     let mut others = values.clone();
     let Some(first) = others.next() else { return 0.0 };
     if others.all(|value| value.to_bits() == first.to_bits()) {

@@ -9,6 +9,7 @@ use crate::window::Window;
 use exr::block::samples::FromNativeSample;
 use exr::meta::attribute::SampleType;
 use exr::prelude::f16;
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -155,7 +156,11 @@ pub fn convert_line(bytes: &[u8], kind: SampleType, row: &mut [f32]) {
 /// The inverse of [`convert_line`]; half floats are rounded.
 pub fn store_line(row: &[f32], kind: SampleType, bytes: &mut Vec<u8>) {
     match kind {
-        SampleType::F16 => bytes.extend(row.iter().flat_map(|&v| f16::from_f32(v).to_ne_bytes())),
+        SampleType::F16 => {
+            let mut half = vec![f16::ZERO; row.len()];
+            half.convert_from_f32_slice(row);
+            bytes.extend(half.iter().flat_map(|v| v.to_ne_bytes()));
+        }
         SampleType::F32 => bytes.extend(row.iter().flat_map(|v| v.to_ne_bytes())),
         SampleType::U32 => bytes.extend(row.iter().flat_map(|&v| (v as u32).to_ne_bytes())),
     }

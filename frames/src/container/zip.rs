@@ -26,12 +26,14 @@ pub fn compressed(pixels: &[u8]) -> Option<Vec<u8>> {
 fn differences(pixels: &[u8]) -> Vec<u8> {
     let (pairs, last) = pixels.as_chunks::<2>();
     let mut ordered = Vec::with_capacity(pixels.len());
-    ordered.extend(pairs.iter().map(|pair| pair[0]).chain(last.iter().copied()));
+    ordered.extend(pairs.iter().map(|pair| pair[0]));
+    ordered.extend(last);
     ordered.extend(pairs.iter().map(|pair| pair[1]));
-    for i in (1..ordered.len()).rev() {
-        ordered[i] = ordered[i].wrapping_sub(ordered[i - 1]).wrapping_add(128);
-    }
-    ordered
+    let mut differences = Vec::with_capacity(pixels.len());
+    differences.extend(ordered.first());
+    let of_neighbours = ordered.iter().zip(ordered.get(1..).unwrap_or_default());
+    differences.extend(of_neighbours.map(|(before, byte)| byte.wrapping_sub(*before).wrapping_add(128)));
+    differences
 }
 
 #[cfg(test)]
