@@ -172,6 +172,30 @@ mod tests {
         }
     }
 
+    /// A plan with holes, cut anywhere.
+    #[test]
+    fn runs_of_a_region_are_the_plans_there() {
+        let (height, width) = (45, 70);
+        let mut plan = Plan::everything(height, width);
+        plan.active.iter_mut().enumerate().for_each(|(at, active)| *active = at * at % 5 < 3);
+        for region in [
+            Region::whole(height, width),
+            Region { top: 3, left: 5, height: 30, width: 40 },
+            Region { top: 8, left: 16, height: 8, width: 16 },
+            Region { top: 44, left: 69, height: 1, width: 1 },
+        ] {
+            let runs = plan.runs_in(&region);
+            for (y, x) in (0..region.height).flat_map(|y| (0..region.width).map(move |x| (y, x))) {
+                let holds =
+                    |r: &&Region| (r.top..r.top + r.height).contains(&y) && (r.left..r.left + r.width).contains(&x);
+                let expected = usize::from(plan.is_active(region.top + y, region.left + x));
+                assert_eq!(runs.iter().filter(holds).count(), expected, "({y}, {x}) of {region:?}");
+            }
+            assert!(runs.iter().all(|run| run.top + run.height <= region.height && run.pixels() > 0), "{runs:?}");
+            assert_eq!(plan.touches(&region), !runs.is_empty());
+        }
+    }
+
     #[test]
     fn equal_halves_leave_nothing_to_do() {
         let still = Image::filled(FEATURE_CHANNELS, 20, 50, 1.0);

@@ -372,6 +372,38 @@ mod tests {
         assert_eq!(places(&fireflies), None, "fireflies");
     }
 
+    /// One pixel at a time. NaN in any channel is no difference; rows of any length, on top of a tile or not.
+    #[test]
+    fn sums_of_rows_are_those_of_their_pixels() {
+        let rng = &mut Rng::new(9);
+        for (width, with_missing, is_top) in
+            [(1, false, true), (7, false, false), (24, false, false), (24, true, false)]
+        {
+            let mut row = || -> [Vec<f32>; 3] { [(); 3].map(|()| (0..width).map(|_| rng.normal()).collect()) };
+            let (mut here, above) = (row(), row());
+            here[1][0] = 0.0;
+            if with_missing {
+                here.iter_mut().for_each(|row| row[3] = f32::NAN);
+            }
+            let slices = [&here, &above].map(|rows| rows.each_ref().map(|row| &row[..]));
+            let above_there = (!is_top).then_some(slices[1]);
+            let (mut found, mut expected) = (Sums::default(), Sums::default());
+            found.add(slices[0], above_there);
+            expected.add_some(slices[0], above_there);
+            assert_eq!((found.pixels, found.noisy, found.pairs), (expected.pixels, expected.noisy, expected.pairs));
+            assert_eq!(found.pixels as usize, width - usize::from(with_missing));
+            for of in [
+                |sums: &Sums| sums.sum,
+                |sums: &Sums| sums.square,
+                |sums: &Sums| sums.product,
+                |sums: &Sums| sums.pair_sum,
+            ] {
+                let pairs = of(&found).into_iter().zip(of(&expected));
+                assert!(pairs.into_iter().all(|(found, expected)| (found - expected).abs() < 1e-12), "{width}");
+            }
+        }
+    }
+
     #[test]
     fn bands_give_what_the_whole_gives() {
         let frame = frame(7, |h, y, x| strands(h * usize::from(x < 100), y, x), false);

@@ -7,7 +7,7 @@ use sspc_core::correct::{CorrectError, Corrected, CorrectionSettings};
 use sspc_core::prepare::FrameStats;
 use sspc_core::rng::Rng;
 use sspc_core::start;
-use sspc_image::{DenoisedVariant, Frame, Image};
+use sspc_image::{DenoisedVariant, Frame, HalfWeights, Image};
 use sspc_infer::engine::{Engine, Kernels};
 use sspc_kernels::network::Network;
 use sspc_kernels::parameters::Form;
@@ -27,9 +27,38 @@ fn run(frame: &Frame, engine: &Engine, rows: usize, strength: f32) -> Corrected 
 }
 
 fn engine() -> Engine {
+    engine_in_tiles_of(50)
+}
+
+fn engine_in_tiles_of(tile: usize) -> Engine {
     let contract = Contract::new(Form::Gated);
     let weights = start::analytic(contract.shape, 0.7, &mut Rng::new(1)).weights;
-    Engine::new(Model::new(contract, weights).unwrap(), Kernels::Fused(Isa::best()), 50)
+    Engine::new(Model::new(contract, weights).unwrap(), Kernels::Fused(Isa::best()), tile)
+}
+
+/// Tiles that are still, that are still in part, that end inside a block; and halves that weigh differently.
+#[test]
+fn tiles_of_any_size_give_the_same_picture() {
+    let mut frame = sample();
+    frame.weights = HalfWeights::of_samples([3.0, 1.0]);
+    frame.a.radiance.set(1, 50, 60, f32::NAN);
+    for c in 0..3 {
+        for (y, x) in (0..frame.height()).flat_map(|y| (0..90).map(move |x| (y, x))) {
+            if y < 70 || x < 30 {
+                frame.b.radiance.set(c, y, x, frame.a.radiance.at(c, y, x));
+            }
+        }
+    }
+    let run = |tile, rows| run(&frame, &engine_in_tiles_of(tile), rows, 1.0);
+    for rows in [48, 1000] {
+        let whole = run(1000, rows);
+        assert!(whole.verdict.fallback.is_none() && whole.active_share < 0.9, "{}", whole.active_share);
+        for tile in [16, 37, 50, 128] {
+            let tiled = run(tile, rows);
+            assert!(tiled.picture == whole.picture, "tiles of {tile}, bands of {rows}");
+            assert!(tiled.maps.map(|maps| maps.halves) == whole.maps.as_ref().map(|maps| maps.halves.clone()));
+        }
+    }
 }
 
 #[test]

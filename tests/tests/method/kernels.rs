@@ -4,7 +4,7 @@
 use sspc_core::rng::Rng;
 use sspc_image::Image;
 use sspc_kernels::features::{ALBEDO, FEATURE_CHANNELS, FeatureSet, RADIANCE};
-use sspc_kernels::gc::{self, Correction, NoUpstream, ParameterPlanes, Taps};
+use sspc_kernels::gc::{self, Correction, JointCorrection, NoUpstream, ParameterPlanes, Taps, View};
 use sspc_kernels::network::{self, Network, Shape};
 use sspc_kernels::parameters::{self, BANDWIDTHS, CENTRE, Form, activation_f64};
 use sspc_kernels::region::Region;
@@ -249,6 +249,73 @@ fn a_region_is_the_same_part_of_the_whole() {
         let expected = whole_image.crop(region.top, region.left, region.height, region.width);
         assert_eq!(part, expected.data(), "{region:?} differs from the same part of the whole");
     }
+}
+
+/// The radiance of one picture with the guides of another is a picture of its own, which g_c corrects by itself. Fails where a view
+/// takes a distance, a row or a sum of another.
+#[test]
+fn views_at_once_are_what_each_is_by_itself() {
+    let rng = &mut Rng::new(17);
+    let (height, width, radius, form) = (31, 80, 5, Form::Gated);
+    let region = Region { top: 2, left: 1, height: 27, width: 78 };
+    let taps = Taps::square(radius);
+    for (set, missing) in [
+        (FeatureSet::ALL, false),
+        (FeatureSet { visibility: false, ..FeatureSet::ALL }, true),
+        (FeatureSet { albedo: true, ..FeatureSet::NONE }, false),
+    ] {
+        let [a, b, guides] = [(); 3].map(|()| features(rng, height, width));
+        let with_radiance = |of: &Image| {
+            Image::from_fn(FEATURE_CHANNELS, height, width, |c, y, x| {
+                if c < ALBEDO { of.at(c, y, x) } else { guides.at(c, y, x) }
+            })
+        };
+        let (a_by_guides, b_by_guides) = (with_radiance(&a), with_radiance(&b));
+        let valid = Image::from_fn(1, height, width, |_, _, _| f32::from(rng.uniform() > 0.2));
+        let windows = |image: &Image| Windows::new(image, missing.then_some(&valid), set, radius);
+        let [a, b, guides, a_by_guides, b_by_guides] = [&a, &b, &guides, &a_by_guides, &b_by_guides].map(windows);
+        let parameters = [(); 2].map(|()| {
+            let mut p = outputs(rng, form, region.pixels(), 1.0);
+            parameters::activate(Isa::best(), form, &mut p);
+            p
+        });
+        let [of_a, of_b] = parameters.each_ref().map(|p| ParameterPlanes::of_region(form, p, &region));
+        let views = [(&a, &a, of_a), (&a, &guides, of_a), (&b, &guides, of_b), (&b, &b, of_b), (&a, &b, of_a)];
+        let views = views.map(|(radiance, guides, parameters)| View { radiance, guides, parameters }).to_vec();
+        let joint = JointCorrection { views, taps: &taps, region };
+        for isa in Isa::available() {
+            let mut found = vec![0.0; 5 * 3 * region.pixels()];
+            joint.clone().forward(isa, &mut found);
+            let alone = [(&a, of_a), (&a_by_guides, of_a), (&b_by_guides, of_b), (&b, of_b)];
+            for (at, (windows, parameters)) in alone.into_iter().enumerate() {
+                let mut expected = vec![0.0; 3 * region.pixels()];
+                Correction { windows, taps: &taps, region, parameters }.forward(isa, &mut expected);
+                let found = &found[at * expected.len()..][..expected.len()];
+                assert!(found == expected, "view {at} under {}, {set:?}", isa.name());
+            }
+            for part in joint.in_parts(7) {
+                let (at, region) = (part.region, joint.region);
+                let mut of_part = vec![0.0; 5 * 3 * at.pixels()];
+                part.forward(isa, &mut of_part);
+                let whole = Image::from_planes(15, region.height, region.width, found.clone());
+                let expected = whole.crop(at.top - region.top, at.left - region.left, at.height, at.width);
+                assert!(of_part == expected.data(), "{at:?} under {}", isa.name());
+            }
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "one shape and one set of features")]
+fn views_of_other_features_are_refused() {
+    let rng = &mut Rng::new(18);
+    let (region, image) = (Region::whole(4, 5), features(rng, 4, 5));
+    let [radiance, guides] = [FeatureSet::ALL, FeatureSet::NONE].map(|set| Windows::new(&image, None, set, 2));
+    let p = vec![0.5; Form::Gated.parameters() * region.pixels()];
+    let parameters = ParameterPlanes::of_region(Form::Gated, &p, &region);
+    let views = vec![View { radiance: &radiance, guides: &guides, parameters }];
+    let joint = JointCorrection { views, taps: &Taps::square(2), region };
+    joint.forward(Isa::best(), &mut vec![0.0; 3 * region.pixels()]);
 }
 
 #[test]
