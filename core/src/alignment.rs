@@ -8,8 +8,10 @@
 
 use crate::block_sample::{AREA, Block, FEATURES};
 use crate::estimate::BLOCK;
+use crate::lanes::widest;
 use rayon::prelude::*;
 use serde::Serialize;
+use sspc_kernels::simd::{Kernel, Simd};
 
 /// Farthest move that is tried, pixels.
 const REACH: usize = 4;
@@ -40,7 +42,7 @@ pub struct Alignment {
 impl Alignment {
     /// What blocks say; `None` of too few with edges.
     pub(crate) fn of(blocks: &[&Block]) -> Option<Self> {
-        let of_blocks: Vec<OfBlock> = blocks.par_iter().filter_map(|block| OfBlock::new(block.features())).collect();
+        let of_blocks: Vec<OfBlock> = blocks.par_iter().filter_map(|block| widest(Compare(block.features()))).collect();
         if of_blocks.len() < FEWEST_BLOCKS {
             return None;
         }
@@ -76,25 +78,26 @@ struct OfBlock {
     cells: f64,
 }
 
-impl OfBlock {
-    /// Of planes of both halves' features; `None` without edges.
-    fn new(features: &[f32]) -> Option<Self> {
+/// Compares planes of both halves' features, half a's first; none without edges.
+struct Compare<'a>(&'a [f32]);
+
+impl Kernel for Compare<'_> {
+    type Output = Option<OfBlock>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> Option<OfBlock> {
         let (mut places, mut cells) = ([Sums::default(); PLACES], Sums::default());
-        let (a, b) = features.split_at(FEATURES * AREA);
+        let (a, b) = self.0.split_at(FEATURES * AREA);
         for (a, b) in a.chunks_exact(AREA).zip(b.chunks_exact(AREA)) {
             // A feature that is missing somewhere in the block says nothing there.
             if a.iter().chain(b).all(|value| value.is_finite()) {
-                let edges = [a, b].map(edges);
-                for (place, sums) in places.iter_mut().enumerate() {
-                    let (down, right) = move_of(place);
-                    add_moved(sums, &edges, down, right);
-                }
+                add_moved(&mut places, &edges(a), &edges(b));
                 add_cells(&mut cells, [a, b].map(cell_means));
             }
         }
         let pixels = (BLOCK * (BLOCK - 1)) as f64;
         let has_edges = places[UNMOVED].energy() > LEAST_EDGE * pixels;
-        has_edges.then(|| Self { places: places.map(Sums::correlation), cells: cells.correlation() })
+        has_edges.then(|| OfBlock { places: places.map(Sums::correlation), cells: cells.correlation() })
     }
 }
 
@@ -122,12 +125,35 @@ fn edges(plane: &[f32]) -> [f32; AREA] {
     std::array::from_fn(|i| if i % BLOCK + 1 < BLOCK { plane[i + 1] - plane[i] } else { 0.0 })
 }
 
-/// Adds edges of half a, and those of half b so many pixels away, where every move stays inside the block.
-fn add_moved(sums: &mut Sums, [a, b]: &[[f32; AREA]; 2], down: i32, right: i32) {
-    let inner = REACH..BLOCK - 1 - REACH;
-    for (y, x) in inner.clone().flat_map(|y| inner.clone().map(move |x| (y, x))) {
-        let moved = (y as i32 + down) as usize * BLOCK + (x as i32 + right) as usize;
-        sums.add(a[y * BLOCK + x], b[moved]);
+/// Pixels a side that stay inside the block wherever they are moved.
+const INNER: usize = BLOCK - 1 - 2 * REACH;
+
+/// Adds edges of half a, and those of half b at every place, where every move stays inside the block: by columns, whose sums do not
+/// wait for one another.
+#[inline(always)]
+fn add_moved(places: &mut [Sums; PLACES], a: &[f32; AREA], b: &[f32; AREA]) {
+    let inner = |plane: &[f32; AREA], top: usize, left: usize| -> [f64; INNER] {
+        let mut row = [0.0; INNER];
+        for (x, value) in row.iter_mut().enumerate() {
+            *value = f64::from(plane[top * BLOCK + left + x]);
+        }
+        row
+    };
+    let side = 2 * REACH + 1;
+    for (place, sums) in places.iter_mut().enumerate() {
+        let (down, right) = (place / side, place % side);
+        let mut columns = [[0.0; INNER]; 3];
+        for y in 0..INNER {
+            let (a, b) = (inner(a, REACH + y, REACH), inner(b, down + y, right));
+            for x in 0..INNER {
+                columns[0][x] += a[x] * a[x];
+                columns[1][x] += b[x] * b[x];
+                columns[2][x] += a[x] * b[x];
+            }
+        }
+        for (sum, columns) in sums.0.iter_mut().zip(&columns) {
+            *sum += columns.iter().sum::<f64>();
+        }
     }
 }
 

@@ -212,11 +212,13 @@ impl Prepared {
         }
     }
 
-    /// The windows of g_c of some pixels, padded by `radius`, of the same features.
+    /// The windows of g_c of some pixels of half `h`, padded by `radius`, of the same features. Guides of the full buffer come
+    /// without y: they are used with the radiance of either half.
     pub fn windows(&self, h: usize, guides: Guides, region: Region, radius: usize) -> Windows {
         let valid = self.valid.as_ref();
-        let fill = |c: usize, y: usize, columns: Range<usize>, out: &mut [f32]| match valid {
-            Some(valid) if c == FEATURE_CHANNELS => out.copy_from_slice(&valid.row(0, y)[columns]),
+        let fill = |c: usize, y: usize, columns: Range<usize>, out: &mut [f32]| match (valid, guides, c) {
+            (Some(valid), _, FEATURE_CHANNELS) => out.copy_from_slice(&valid.row(0, y)[columns]),
+            (_, Guides::Full, RADIANCE..ALBEDO) => {}
             _ => self.features(h, guides, c, y, columns, out),
         };
         let size = (self.height(), self.width());

@@ -22,7 +22,9 @@
 
 use crate::block_sample::{AREA, Block, FEATURES, RESIDUALS};
 use crate::estimate::BLOCK;
+use crate::lanes::widest;
 use rayon::prelude::*;
+use sspc_kernels::simd::{Kernel, Simd};
 use std::f64::consts::PI;
 
 /// Blocks that a statement needs.
@@ -50,22 +52,42 @@ impl SharedNoise {
     /// What blocks with noise say; `None` of too few.
     pub(crate) fn of(blocks: &[&Block]) -> Option<Self> {
         let cosines = cosines();
-        let spectra: Vec<Spectrum> = blocks.par_iter().filter_map(|block| spectrum(block, &cosines)).collect();
+        let of_block = |block: &&Block| widest(OfBlock { block, cosines: &cosines });
+        let spectra: Vec<Spectrum> = blocks.par_iter().filter_map(of_block).collect();
         (spectra.len() >= FEWEST_BLOCKS).then(|| lowest(&spectra))
     }
 }
 
+/// A block and the cosines.
+struct OfBlock<'a> {
+    block: &'a Block,
+    cosines: &'a [[f32; BLOCK]; BLOCK],
+}
+
+impl Kernel for OfBlock<'_> {
+    type Output = Option<Spectrum>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> Option<Spectrum> {
+        spectrum(self.block, self.cosines)
+    }
+}
+
 /// A block by frequencies; `None` without noise.
+#[inline(always)]
 fn spectrum(block: &Block, cosines: &[[f32; BLOCK]; BLOCK]) -> Option<Spectrum> {
     let largest = block.residuals().iter().fold(0.0f32, |most, r| most.max(r.abs()));
     if !(largest > 0.0 && largest.is_finite()) {
         return None;
     }
-    let transformed = |planes: &[f32], scale: f32| -> Vec<[f32; AREA]> {
-        planes.chunks_exact(AREA).map(|plane| transform(plane, scale, cosines)).collect()
-    };
-    let mut residuals = transformed(block.residuals(), 1.0 / largest);
-    let features = transformed(block.features(), 1.0);
+    let mut residuals = [[0.0; AREA]; 2 * RESIDUALS];
+    for (out, plane) in residuals.iter_mut().zip(block.residuals().chunks_exact(AREA)) {
+        transform(plane, 1.0 / largest, cosines, out);
+    }
+    let mut features = [[0.0; AREA]; 2 * FEATURES];
+    for (out, plane) in features.iter_mut().zip(block.features().chunks_exact(AREA)) {
+        transform(plane, 1.0, cosines, out);
+    }
     let (a, b) = residuals.split_at_mut(RESIDUALS);
     let (features_a, features_b) = features.split_at(FEATURES);
     for c in 0..RESIDUALS {
@@ -85,29 +107,49 @@ fn cosines() -> [[f32; BLOCK]; BLOCK] {
 }
 
 /// The cosine transform of a block, its lowest frequencies 0.
-fn transform(block: &[f32], scale: f32, cosines: &[[f32; BLOCK]; BLOCK]) -> [f32; AREA] {
+#[inline(always)]
+fn transform(block: &[f32], scale: f32, cosines: &[[f32; BLOCK]; BLOCK], out: &mut [f32; AREA]) {
     let mut columns = [[0.0f32; BLOCK]; BLOCK];
     for (out, cosines) in columns.iter_mut().zip(cosines) {
         for (row, cosine) in block.chunks_exact(BLOCK).zip(cosines) {
-            out.iter_mut().zip(row).for_each(|(out, value)| *out += cosine * scale * value);
-        }
-    }
-    let mut whole = [0.0; AREA];
-    for (u, (out, column)) in whole.chunks_exact_mut(BLOCK).zip(&columns).enumerate() {
-        for (v, (out, cosines)) in out.iter_mut().zip(cosines).enumerate() {
-            if u + v >= LOWEST {
-                *out = column.iter().zip(cosines).map(|(value, cosine)| value * cosine).sum();
+            for (out, value) in out.iter_mut().zip(row) {
+                *out += cosine * scale * value;
             }
         }
     }
-    whole
+    let mut by_column = [[0.0f32; BLOCK]; BLOCK];
+    for (v, cosines) in cosines.iter().enumerate() {
+        for (x, cosine) in cosines.iter().enumerate() {
+            by_column[x][v] = *cosine;
+        }
+    }
+    for (u, (out, column)) in out.chunks_exact_mut(BLOCK).zip(&columns).enumerate() {
+        let mut row = [0.0f32; BLOCK];
+        for (value, cosines) in column.iter().zip(&by_column) {
+            for (out, cosine) in row.iter_mut().zip(cosines) {
+                *out += value * cosine;
+            }
+        }
+        for (v, (out, value)) in out.iter_mut().zip(row).enumerate() {
+            *out = if u + v >= LOWEST { value } else { 0.0 };
+        }
+    }
 }
 
+/// Σ p q, in eight sums, which do not wait for one another.
+#[inline(always)]
 fn dot(p: &[f32; AREA], q: &[f32; AREA]) -> f64 {
-    p.iter().zip(q).map(|(p, q)| f64::from(p * q)).sum()
+    let mut sums = [0.0; 8];
+    for (p, q) in p.as_chunks::<8>().0.iter().zip(q.as_chunks::<8>().0) {
+        for i in 0..8 {
+            sums[i] += f64::from(p[i] * q[i]);
+        }
+    }
+    sums.iter().sum()
 }
 
 /// Takes away from the residuals of both halves what one of the features explains best.
+#[inline(always)]
 fn explain(residuals: [&mut [f32; AREA]; 2], features: [&[[f32; AREA]]; 2], candidates: [usize; 4]) {
     let (mut most, mut best) = (0.0, None);
     for j in candidates {
@@ -136,6 +178,7 @@ struct Spectrum {
 }
 
 impl Spectrum {
+    #[inline(always)]
     fn of(a: &[[f32; AREA]], b: &[[f32; AREA]]) -> Option<Self> {
         let mut spectrum = Self { shared: [0.0; AREA], apart: [0.0; AREA] };
         for (a, b) in a.iter().zip(b) {

@@ -228,6 +228,11 @@ fn index_of(part: &Part, place: &[i32]) -> Option<usize> {
 /// # Errors
 /// [`Fault`]: data that cannot be decoded.
 pub fn decompress(header: &CodecHeader, place: Block, data: Vec<u8>) -> Result<Vec<u8>, Fault> {
+    let bytes = place.width * place.height * header.channels.bytes_per_pixel;
+    // What would not shrink is stored as it is.
+    if is_zip(header) && cfg!(target_endian = "little") && data.len() != bytes {
+        return zip::decompressed(&data, bytes).ok_or_else(|| Fault::damaged("zlib-compressed data malformed"));
+    }
     Ok(header.compression.decompress_image_section_from_le(header, data, place.bounds(), false)?)
 }
 
@@ -236,11 +241,14 @@ pub fn decompress(header: &CodecHeader, place: Block, data: Vec<u8>) -> Result<V
 /// # Errors
 /// [`Fault`]: a method that the library does not write.
 pub fn compress(header: &CodecHeader, place: Block, pixels: Vec<u8>) -> Result<Vec<u8>, Fault> {
-    let is_zip = matches!(header.compression, Compression::ZIP1 | Compression::ZIP16);
-    if is_zip && cfg!(target_endian = "little") {
+    if is_zip(header) && cfg!(target_endian = "little") {
         return Ok(zip::compressed(&pixels).unwrap_or(pixels));
     }
     Ok(header.compression.compress_image_section_to_le(header, pixels, place.bounds())?)
+}
+
+fn is_zip(header: &CodecHeader) -> bool {
+    matches!(header.compression, Compression::ZIP1 | Compression::ZIP16)
 }
 
 /// A chunk of flat data as it is written.
