@@ -134,9 +134,9 @@ impl Kernel for Limit<'_> {
             let limits = [lanes(far, x), lanes(own, x), lanes(close, x), lanes(apart, x), lanes(around, x)];
             let limited = blended.limited(&limits);
             let mut is_limited = [false; LANES];
-            for k in 0..3 {
+            for (limited, whole) in limited.iter().zip(&blended.whole) {
                 for i in 0..LANES {
-                    is_limited[i] |= limited[k][i] != blended.whole[k][i];
+                    is_limited[i] |= limited[i] != whole[i];
                 }
             }
             for i in 0..LANES.min(width - x) {
