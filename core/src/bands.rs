@@ -3,7 +3,7 @@
 use crate::correct::{BandInput, BandSource, Ground};
 use crate::differences::{Readings, Search};
 use crate::frame_stats::FrameStats;
-use crate::prepare::Prepared;
+use crate::prepare::{Prepared, baseline};
 use sspc_image::{Frame, FrameRows, Image};
 use std::borrow::Cow;
 use std::convert::Infallible;
@@ -113,7 +113,7 @@ impl<'a> PreparedFrame<'a> {
 
     /// A frame that is given away as its features are made.
     pub fn of_owned(frame: Frame, stats: FrameStats, skip_still_blocks: bool) -> PreparedFrame<'static> {
-        let fill = Ground::fill_of(&frame, &stats);
+        let fill = Ground::fill_of(&baseline(&frame), &frame, &stats);
         let (prepared, denoised) = Prepared::of_owned(frame, &stats);
         let ground = Ground { denoised: Cow::Owned(denoised), fill: Cow::Owned(fill) };
         let prepared = if skip_still_blocks { prepared } else { prepared.without_skips(&stats) };

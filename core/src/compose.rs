@@ -208,22 +208,26 @@ impl Composer<'_> {
         let grid = TileGrid::new(height, prepared.width(), source.tile(), source.shape().radius());
         let tiles = grid.tiles_of_rows(0..height);
         let parts = parts_of_gc(tiles.len(), at_once());
-        // One tile is put in place while the others are computed.
+        // One tile is put in place while the others are computed. Nothing is computed behind the lock: a thread that waited for
+        // others there would take up another tile, and wait for the lock that it holds.
         let pictures = Mutex::new((halves, full));
         tiles.into_par_iter().try_for_each(|tile| {
             let runs = [weighed, &finished].map(|plan| plan.runs_in(&tile.region));
-            let ([a, b], of_full) = match weighed.touches(&tile.region) {
+            let (of_halves, of_full) = match weighed.touches(&tile.region) {
                 true => self.tile(prepared, source, k, &tile, &runs, parts)?,
                 false => ([0, 1].map(|h| colours_of(&prepared.halves[h], DENOISED, &tile.region)), None),
             };
+            let is_full = self.composition == Composition::JudgedFullBuffer;
+            let of_full = is_full.then(|| {
+                let mut picture = colours_of(&prepared.denoised, 0, &tile.region);
+                of_full.iter().for_each(|of_full| put_runs(&mut picture, of_full, &runs[1]));
+                picture
+            });
+            let Region { top, left, .. } = tile.region;
             let mut pictures = pictures.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             let (halves, full) = &mut *pictures;
-            let Region { top, left, .. } = tile.region;
-            halves.iter_mut().zip([a, b]).for_each(|(picture, half)| picture.put(top, left, &half));
-            if let Some(picture) = full {
-                let z = || colours_of(&prepared.denoised, 0, &tile.region);
-                picture.put(top, left, &of_full.unwrap_or_else(z));
-            }
+            halves.iter_mut().zip(&of_halves).for_each(|(picture, half)| picture.put(top, left, half));
+            full.iter_mut().zip(&of_full).for_each(|(picture, full)| picture.put(top, left, full));
             Ok(())
         })?;
         let (halves, full) = pictures.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -295,6 +299,16 @@ fn colours_of(image: &Image, first: usize, &Region { top, left, height, width }:
     Image::from_rows(3, height, width, |k, y, row| {
         row.copy_from_slice(&image.row(first + k, top + y)[left..left + width]);
     })
+}
+
+/// Puts some regions of another picture in their places.
+fn put_runs(picture: &mut Image, other: &Image, runs: &[Region]) {
+    for (k, run) in (0..3).flat_map(|k| runs.iter().map(move |run| (k, run))) {
+        for y in run.top..run.top + run.height {
+            let (at, end) = (y * other.width() + run.left, y * other.width() + run.left + run.width);
+            picture.plane_mut(k)[at..end].copy_from_slice(&other.plane(k)[at..end]);
+        }
+    }
 }
 
 /// In how many parts at least g_c over one of so many tiles is divided where so many threads can run at once.

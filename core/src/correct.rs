@@ -77,14 +77,15 @@ pub struct Ground<'a> {
 impl Ground<'_> {
     /// The ground of a frame's rows.
     pub fn of(frame: &Frame, stats: &FrameStats) -> Ground<'static> {
-        let fill = Self::fill_of(frame, stats);
-        Ground { denoised: Cow::Owned(baseline(frame).into_owned()), fill: Cow::Owned(fill) }
+        let denoised = baseline(frame);
+        let fill = Self::fill_of(&denoised, frame, stats);
+        Ground { denoised: Cow::Owned(denoised.into_owned()), fill: Cow::Owned(fill) }
     }
 
-    /// Values of its missing pixels.
-    pub(crate) fn fill_of(frame: &Frame, stats: &FrameStats) -> Vec<(usize, [f32; 3])> {
+    /// Values of the missing pixels of a frame's [`baseline`].
+    pub(crate) fn fill_of(denoised: &Image, frame: &Frame, stats: &FrameStats) -> Vec<(usize, [f32; 3])> {
         let missing = stats.found.missing_pixels > 0;
-        if missing { fill::values_from_sources(&baseline(frame), frame) } else { Vec::new() }
+        if missing { fill::values_from_sources(denoised, frame) } else { Vec::new() }
     }
 
     /// The picture with a correction `[3, rows, W]` added that is in units of `exposure` times its own: the denoiser's,

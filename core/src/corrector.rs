@@ -20,7 +20,7 @@ pub struct PictureCorrection<'a> {
     pub taps: &'a Taps,
     /// What is computed, as a plan says.
     pub runs: &'a [Region],
-    /// In how many tasks at least what lies together is divided, which does not show.
+    /// In how many tasks at least it is divided, which does not show.
     pub parts: usize,
 }
 
@@ -73,8 +73,10 @@ impl<'a> PictureCorrection<'a> {
         let whole = |windows: &Windows| Region::whole(windows.height(), windows.width());
         let Some(region) = self.views.first().map(|view| whole(view.guides)) else { return Vec::new() };
         let whole = JointCorrection { views: self.views.clone(), taps: self.taps, region };
+        let regions = stacked(self.runs);
         // Strips share nothing, so that they cost nothing as tasks of their own.
-        let jobs = stacked(self.runs).into_iter().flat_map(|region| whole.clone().within(region).in_parts(self.parts));
+        let parts = self.parts.div_ceil(regions.len().max(1));
+        let jobs = regions.into_iter().flat_map(|region| whole.clone().within(region).in_parts(parts));
         let of_job = |job: JointCorrection| {
             let (region, mut out) = (job.region, vec![0.0; planes * job.region.pixels()]);
             compute(job, &mut out);
@@ -93,12 +95,22 @@ pub fn view<'a>(form: Form, radiance: &'a Windows, guides: &'a Windows, paramete
 /// Runs of blocks, in row order, as regions: those that lie exactly below one another as one.
 fn stacked(runs: &[Region]) -> Vec<Region> {
     let mut regions: Vec<Region> = Vec::new();
+    // Regions that end where this row of blocks begins, and those that go on in it.
+    let (mut above, mut here, mut top) = (Vec::new(), Vec::new(), 0);
     for run in runs {
-        let is_above = |r: &&mut Region| (r.left, r.width, r.top + r.height) == (run.left, run.width, run.top);
-        match regions.iter_mut().find(is_above) {
-            Some(above) => above.height += run.height,
+        if run.top != top {
+            (above, here, top) = (here, Vec::new(), run.top);
+        }
+        let fits = |at: &&usize| {
+            let region: &Region = &regions[**at];
+            (region.left, region.width, region.top + region.height) == (run.left, run.width, run.top)
+        };
+        let at = above.iter().find(fits).copied().unwrap_or(regions.len());
+        match regions.get_mut(at) {
+            Some(region) => region.height += run.height,
             None => regions.push(*run),
         }
+        here.push(at);
     }
     regions
 }

@@ -23,17 +23,17 @@ pub(crate) struct NoisyPixel {
 }
 
 /// 0.25 over the mean of the darker 95 % of some positive z̄; 1 of none.
-pub(crate) fn of_all(means: &[f32]) -> f32 {
+pub(crate) fn of_all(means: &[f64]) -> f32 {
     let count = ((means.len() as f64 * EXPOSED_SHARE).ceil() as usize).max(1).min(means.len());
     let classes = Classes::of(means);
-    let mut below = Held::default();
+    let mut below = Class::default();
     // What is below the class that the last of them lies in, and the least of that class.
     let sum = match classes.0.iter().position(|class| {
         let reached = below.count + class.count >= count;
         below = if reached { below } else { below.and(class) };
         reached
     }) {
-        Some(last) => below.sum + in_order(means, last).take(count - below.count).map(f64::from).sum::<f64>(),
+        Some(last) => below.sum + in_order(means, last).take(count - below.count).sum::<f64>(),
         None => 0.0,
     };
     // Beyond this range the squares of exposures and radiances leave f32.
@@ -44,25 +44,26 @@ pub(crate) fn of_all(means: &[f32]) -> f32 {
 /// The same over the pixels that have noise to mend; over all where none has any.
 pub(crate) fn of_noisy(pixels: &[NoisyPixel]) -> f32 {
     let least = LEAST_NOISE * typical_noise(pixels);
-    of_all(&pixels.iter().filter(|pixel| pixel.noise >= least).map(|pixel| pixel.mean).collect::<Vec<_>>())
+    let noisy = pixels.iter().filter(|pixel| pixel.noise >= least);
+    of_all(&noisy.map(|pixel| f64::from(pixel.mean)).collect::<Vec<_>>())
 }
 
 /// The noise that half of all noise exceeds: the median over pixels, each as often as it is noisy.
 fn typical_noise(pixels: &[NoisyPixel]) -> f32 {
-    let noise: Vec<f32> = pixels.iter().map(|pixel| pixel.noise).collect();
+    let noise: Vec<f64> = pixels.iter().map(|pixel| f64::from(pixel.noise)).collect();
     let classes = Classes::of(&noise);
     let half = 0.5 * classes.0.iter().map(|class| class.sum).sum::<f64>();
     let mut below = 0.0;
     for (at, class) in classes.0.iter().enumerate().filter(|(_, class)| class.count > 0) {
         if below + class.sum >= half {
             let mut sum = below;
-            let reaches = |value: &f32| {
-                sum += f64::from(*value);
+            let reaches = |value: &f64| {
+                sum += value;
                 sum >= half
             };
             // Rounded otherwise in the end, the sum may stay below by its last bit.
-            let class: Vec<f32> = in_order(&noise, at).collect();
-            return class.iter().copied().find(reaches).or(class.last().copied()).unwrap_or(0.0);
+            let values: Vec<f64> = in_order(&noise, at).collect();
+            return values.iter().copied().find(reaches).or(values.last().copied()).unwrap_or(0.0) as f32;
         }
         below += class.sum;
     }
@@ -72,14 +73,14 @@ fn typical_noise(pixels: &[NoisyPixel]) -> f32 {
 /// Leading bits of an f32 that make its class: sign, exponent and four bits more.
 const CLASS_BITS: u32 = 13;
 
-/// How many values there are, and their sum.
+/// How many values a class has, and their sum.
 #[derive(Clone, Copy, Default)]
-struct Held {
+struct Class {
     count: usize,
     sum: f64,
 }
 
-impl Held {
+impl Class {
     fn and(self, other: &Self) -> Self {
         Self { count: self.count + other.count, sum: self.sum + other.sum }
     }
@@ -87,28 +88,28 @@ impl Held {
 
 /// Values that are not negative, in classes of rising size: what lies among them need not be sorted where few of them are
 /// asked for.
-struct Classes(Vec<Held>);
+struct Classes(Vec<Class>);
 
 impl Classes {
-    fn of(values: &[f32]) -> Self {
-        let mut classes = vec![Held::default(); 1 << CLASS_BITS];
+    fn of(values: &[f64]) -> Self {
+        let mut classes = vec![Class::default(); 1 << CLASS_BITS];
         for value in values {
             let class = &mut classes[class_of(*value)];
             class.count += 1;
-            class.sum += f64::from(*value);
+            class.sum += value;
         }
         Self(classes)
     }
 }
 
-fn class_of(value: f32) -> usize {
-    (value.to_bits() >> (u32::BITS - CLASS_BITS)) as usize
+fn class_of(value: f64) -> usize {
+    ((value as f32).to_bits() >> (u32::BITS - CLASS_BITS)) as usize
 }
 
 /// The values of one class, from the least on.
-fn in_order(values: &[f32], class: usize) -> impl Iterator<Item = f32> {
-    let mut of_class: Vec<f32> = values.iter().copied().filter(|value| class_of(*value) == class).collect();
-    of_class.sort_unstable_by(f32::total_cmp);
+fn in_order(values: &[f64], class: usize) -> impl Iterator<Item = f64> {
+    let mut of_class: Vec<f64> = values.iter().copied().filter(|value| class_of(*value) == class).collect();
+    of_class.sort_unstable_by(f64::total_cmp);
     of_class.into_iter()
 }
 
@@ -122,8 +123,8 @@ mod tests {
         (0..10_000).map(|i| of(if i < 160 { 0.5 } else { background })).collect()
     }
 
-    fn means(pixels: &[NoisyPixel]) -> Vec<f32> {
-        pixels.iter().map(|pixel| pixel.mean).collect()
+    fn means(pixels: &[NoisyPixel]) -> Vec<f64> {
+        pixels.iter().map(|pixel| f64::from(pixel.mean)).collect()
     }
 
     #[test]

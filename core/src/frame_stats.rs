@@ -172,7 +172,7 @@ fn colours(frame: &Frame) -> impl Iterator<Item = &Image> {
 struct Collector {
     exposure: Exposure,
     /// Positive z̄ of valid pixels, both halves' mean, row after row, for the rule that needs no more.
-    means: Vec<f32>,
+    means: Vec<f64>,
     /// The same with the noise.
     noisy_pixels: Vec<NoisyPixel>,
     /// Albedo, normal, visibility.
@@ -205,8 +205,10 @@ impl Collector {
         let valid = validity(band);
         match self.exposure {
             Exposure::AsIs => {}
-            Exposure::Normalised => add_pixels(band, &valid, |pixel| pixel.mean, &mut self.means),
-            Exposure::OfNoise => add_pixels(band, &valid, |pixel| pixel, &mut self.noisy_pixels),
+            Exposure::Normalised => add_pixels(band, &valid, |mean, _| mean, &mut self.means),
+            Exposure::OfNoise => {
+                add_pixels(band, &valid, |mean, noise| NoisyPixel { mean: mean as f32, noise }, &mut self.noisy_pixels)
+            }
         }
         self.independence.look(band, &valid);
         for (variation, feature) in self.features.iter_mut().zip(Role::FEATURES) {
@@ -279,11 +281,11 @@ impl Variation {
 }
 
 /// Adds what `of` takes of the brightness and noise of each valid pixel that is not black, row after row.
-fn add_pixels<T: Copy + Send>(band: &Frame, valid: &Image, of: impl Fn(NoisyPixel) -> T + Sync, out: &mut Vec<T>) {
+fn add_pixels<T: Copy + Send>(band: &Frame, valid: &Image, of: impl Fn(f64, f32) -> T + Sync, out: &mut Vec<T>) {
     let of_row = |y: usize| -> Vec<T> {
         let (mean, noise) = brightness_and_noise(band, y);
         let pixels = mean.iter().zip(&noise).zip(valid.row(0, y)).filter(|((mean, _), ok)| **ok != 0.0 && **mean > 0.0);
-        pixels.map(|((&mean, &noise), _)| of(NoisyPixel { mean, noise })).collect()
+        pixels.map(|((&mean, &noise), _)| of(mean, noise)).collect()
     };
     // In turns, so that few rows are held twice.
     for top in (0..band.height()).step_by(64) {
@@ -293,20 +295,22 @@ fn add_pixels<T: Copy + Send>(band: &Frame, valid: &Image, of: impl Fn(NoisyPixe
 }
 
 /// z̄, both halves' mean, and the noise, at most that, of every pixel of row `y`.
-fn brightness_and_noise(band: &Frame, y: usize) -> (Vec<f32>, Vec<f32>) {
+fn brightness_and_noise(band: &Frame, y: usize) -> (Vec<f64>, Vec<f32>) {
     let width = band.width();
-    let (mut sums, mut noise) = (vec![0.0; width], vec![0.0; width]);
+    let (mut mean, mut noise) = (vec![0.0; width], vec![0.0; width]);
     for c in 0..3 {
         let pairs = band.a.denoised.row(c, y).iter().zip(band.b.denoised.row(c, y));
-        for (sum, (a, b)) in sums.iter_mut().zip(pairs) {
-            *sum += f64::from(a.max(0.0)) + f64::from(b.max(0.0));
+        for (mean, (a, b)) in mean.iter_mut().zip(pairs) {
+            *mean += f64::from(a.max(0.0)) + f64::from(b.max(0.0));
         }
         let pairs = band.a.radiance.row(c, y).iter().zip(band.b.radiance.row(c, y));
         for (noise, (a, b)) in noise.iter_mut().zip(pairs) {
             *noise += (a.max(0.0) - b.max(0.0)).abs();
         }
     }
-    let mean: Vec<f32> = sums.iter().map(|sum| (sum / 6.0) as f32).collect();
-    noise.iter_mut().zip(&mean).for_each(|(noise, mean)| *noise = (*noise / 3.0).min(*mean));
+    for (noise, mean) in noise.iter_mut().zip(&mut mean) {
+        *mean /= 6.0;
+        *noise = (*noise / 3.0).min(*mean as f32);
+    }
     (mean, noise)
 }

@@ -56,6 +56,7 @@ pub struct Verdict {
     pub fallback: Option<String>,
 }
 
+// A block is a run of pixels in each of its rows.
 const _: () = assert!(LANES == BLOCK);
 /// Quantities of a pixel: losses of z, of the blended and of the whole correction, gain, and the errors of z, of the
 /// blended correction and the first less the second, under the finished and the denoised picture's brightness each; then the

@@ -328,6 +328,72 @@ mod tests {
         assert!(picture.at(0, 6, 7) > 1.0, "{}", picture.at(0, 6, 7));
     }
 
+    /// Pixel by pixel, in runs of vectors and beyond them, with blocks that are left out: the same bits.
+    #[test]
+    fn runs_of_pixels_are_limited_as_one_pixel_is() {
+        let rng = &mut crate::rng::Rng::new(23);
+        let (mut pixels, mut limited_pixels) = (0, 0);
+        for (height, width) in [(9, 1), (11, 16), (20, 33)] {
+            let mut noise = |channels| Image::from_fn(channels, height, width, |_, _, _| (1.5 * rng.normal()).exp());
+            let mut prepared = with_firefly(1.0);
+            prepared.halves = [(); 2].map(|()| Arc::new(noise(FEATURE_CHANNELS)));
+            prepared.denoised = noise(3);
+            prepared.weights = HalfWeights::of_samples([3.0, 1.0]);
+            let halves = [noise(3), noise(3)];
+            let still = |y: usize, x: usize| y < 8 && x >= 16;
+            let features = [0, 1].map(|h| {
+                let value = |c, y, x| if still(y, x) { 1.0 } else { prepared.halves[h].at(c, y, x) };
+                Image::from_fn(FEATURE_CHANNELS, height, width, value)
+            });
+            prepared.plan = Plan::new(&features, None);
+            let (share, picture) = (Image::from_fn(1, height, width, |_, y, x| ((y + x) % 3) as f32 / 2.0), noise(3));
+            let (mut found_share, mut found) = (share.clone(), picture.clone());
+            limit_outliers(&prepared, &halves, &mut found_share, &mut found);
+            let mix = |z: f32, corrected: f32, y, x| z + share.at(0, y, x) * (corrected - z);
+            let half = |h: usize, k, y, x| mix(prepared.halves[h].at(DENOISED + k, y, x), halves[h].at(k, y, x), y, x);
+            let whole = |k, y, x| mix(prepared.denoised.at(k, y, x), picture.at(k, y, x), y, x);
+            let mean = |k, y, x| prepared.weights.mean(half(0, k, y, x), half(1, k, y, x));
+            let distance = |y, x, of: &dyn Fn(usize) -> f32| {
+                let [r, g, b] = [0, 1, 2].map(|k| (of(k) - mean(k, y, x)).powi(2));
+                r + g + b
+            };
+            let weight = |y, x| weight_of([0, 1, 2].map(|k| mean(k, y, x)), RELATIVE_FLOOR);
+            let of_picture =
+                Image::from_fn(1, height, width, |_, y, x| weight(y, x) * distance(y, x, &|k| whole(k, y, x)));
+            let of_halves =
+                Image::from_fn(1, height, width, |_, y, x| weight(y, x) * distance(y, x, &|k| half(0, k, y, x)) * 3.0);
+            let apart = Image::from_fn(1, height, width, |_, y, x| {
+                let [r, g, b] = [0, 1, 2].map(|k| (half(0, k, y, x) - half(1, k, y, x)).abs());
+                (r + g + b) / 3.0
+            });
+            let [of_picture, of_halves] = [of_picture, of_halves].map(|image| box_mean(&image, LIMIT_RADIUS));
+            let (close, around) = (box_mean(&apart, CLOSE_RADIUS), ring_mean(&apart));
+            for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+                let (far, allowed) = (of_picture.at(0, y, x), TIMES_AROUND * of_halves.at(0, y, x));
+                let (margin, most) =
+                    (TIMES_CLOSE * close.at(0, y, x), TIMES_APART * around.at(0, y, x).max(LEAST_APART));
+                let limited = [0, 1, 2].map(|k| {
+                    let (a, b, value) = (half(0, k, y, x), half(1, k, y, x), whole(k, y, x));
+                    let nearer =
+                        if far > allowed { mean(k, y, x) + allowed / far * (value - mean(k, y, x)) } else { value };
+                    let is_apart = apart.at(0, y, x) > most;
+                    let least = if is_apart { a.min(b) } else { a.min(b) - margin };
+                    nearer.max(least).min(if is_apart { a.min(b) + most } else { a.max(b) + margin })
+                });
+                let changes = prepared.plan.is_active(y, x) && (0..3).any(|k| limited[k] != whole(k, y, x));
+                (pixels, limited_pixels) = (pixels + 1, limited_pixels + usize::from(changes));
+                let expected_share = if changes { share.at(0, y, x).max(LEAST_SHARE) } else { share.at(0, y, x) };
+                assert_eq!(found_share.at(0, y, x), expected_share, "({y}, {x}) of {height}x{width}");
+                for (k, limited) in limited.into_iter().enumerate() {
+                    let z = prepared.denoised.at(k, y, x);
+                    let expected = if changes { z + (limited - z) / expected_share } else { picture.at(k, y, x) };
+                    assert_eq!(found.at(k, y, x), expected, "({y}, {x}) of {height}x{width}");
+                }
+            }
+        }
+        assert!(limited_pixels > 0 && limited_pixels < pixels, "{limited_pixels} of {pixels}");
+    }
+
     #[test]
     fn blocks_that_are_left_out_stay() {
         let mut prepared = with_firefly(50.0);

@@ -52,19 +52,19 @@ impl SharedNoise {
     /// What blocks with noise say; `None` of too few.
     pub(crate) fn of(blocks: &[&Block]) -> Option<Self> {
         let cosines = cosines();
-        let of_block = |block: &&Block| widest(OfBlock { block, cosines: &cosines });
+        let of_block = |block: &&Block| widest(ToSpectrum { block, cosines: &cosines });
         let spectra: Vec<Spectrum> = blocks.par_iter().filter_map(of_block).collect();
         (spectra.len() >= FEWEST_BLOCKS).then(|| lowest(&spectra))
     }
 }
 
-/// A block and the cosines.
-struct OfBlock<'a> {
+/// A block, to be looked at by frequencies.
+struct ToSpectrum<'a> {
     block: &'a Block,
     cosines: &'a [[f32; BLOCK]; BLOCK],
 }
 
-impl Kernel for OfBlock<'_> {
+impl Kernel for ToSpectrum<'_> {
     type Output = Option<Spectrum>;
 
     #[inline(always)]

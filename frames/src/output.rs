@@ -17,7 +17,7 @@ use crate::container::Container;
 use crate::container::attributes::LONGEST_NAME;
 use crate::container::channels::ChannelEntry;
 use crate::container::chunks::ChunkReader;
-use crate::container::copy::{Copy, CopyError, Placed, Target, mean_row};
+use crate::container::copy::{COPIED_BYTES, Copy, CopyError, Placed, Target, mean_row};
 use crate::container::fault::Fault;
 use crate::container::pixels::{Wanted, convert_line, read_planes, store_line};
 use crate::error::{Error, Purpose};
@@ -221,8 +221,14 @@ fn check_written(path: &Path, copy: &Copy, pictures: &[Placed]) -> Result<(), St
     }
     let height = pictures.iter().map(|picture| picture.window.height).max().unwrap_or(0);
     // All channels together: their part is decompressed once.
-    let bands = (0..height.div_ceil(CHECKED_ROWS)).into_par_iter().map(|band| band * CHECKED_ROWS);
-    bands.try_for_each(|top| check_rows(&written, copy.targets(), pictures, top))
+    let tops: Vec<usize> = (0..height).step_by(CHECKED_ROWS).collect();
+    let bytes = |target: &Target| {
+        let part = &written.parts[target.part];
+        CHECKED_ROWS * part.window.width * part.bytes_per_pixel()
+    };
+    let most = copy.targets().iter().map(bytes).max().unwrap_or(1);
+    tops.chunks((COPIED_BYTES / most.max(1)).max(1))
+        .try_for_each(|tops| tops.par_iter().try_for_each(|top| check_rows(&written, copy.targets(), pictures, *top)))
 }
 
 /// Compares the rows of all pictures from `top` on with what is in the file.

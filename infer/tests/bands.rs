@@ -36,12 +36,9 @@ fn engine_in_tiles_of(tile: usize) -> Engine {
     Engine::new(Model::new(contract, weights).unwrap(), Kernels::Fused(Isa::best()), tile)
 }
 
-/// Tiles that are still, that are still in part, that end inside a block; and halves that weigh differently.
-#[test]
-fn tiles_of_any_size_give_the_same_picture() {
+/// A frame of which the top and the left are still.
+fn half_still() -> Frame {
     let mut frame = sample();
-    frame.weights = HalfWeights::of_samples([3.0, 1.0]);
-    frame.a.radiance.set(1, 50, 60, f32::NAN);
     for c in 0..3 {
         for (y, x) in (0..frame.height()).flat_map(|y| (0..90).map(move |x| (y, x))) {
             if y < 70 || x < 30 {
@@ -49,16 +46,46 @@ fn tiles_of_any_size_give_the_same_picture() {
             }
         }
     }
-    let run = |tile, rows| run(&frame, &engine_in_tiles_of(tile), rows, 1.0);
-    for rows in [48, 1000] {
-        let whole = run(1000, rows);
-        assert!(whole.verdict.fallback.is_none() && whole.active_share < 0.9, "{}", whole.active_share);
-        for tile in [16, 37, 50, 128] {
-            let tiled = run(tile, rows);
-            assert!(tiled.picture == whole.picture, "tiles of {tile}, bands of {rows}");
-            assert!(tiled.maps.map(|maps| maps.halves) == whole.maps.as_ref().map(|maps| maps.halves.clone()));
+    frame
+}
+
+/// Tiles that are still, that are still in part, that end inside a block; and halves that weigh differently, whose mean of one
+/// value need not be that value.
+#[test]
+fn tiles_of_any_size_give_the_same_picture() {
+    let mut frame = half_still();
+    frame.a.radiance.set(1, 50, 60, f32::NAN);
+    for samples in [[32.0, 8.0], [2.0, 1.0]] {
+        frame.weights = HalfWeights::of_samples(samples);
+        let run = |tile, rows| run(&frame, &engine_in_tiles_of(tile), rows, 1.0);
+        for rows in [48, 1000] {
+            let whole = run(1000, rows);
+            assert!(whole.verdict.fallback.is_none() && whole.active_share < 0.9, "{}", whole.active_share);
+            for tile in [16, 37, 50, 128] {
+                let tiled = run(tile, rows);
+                assert!(tiled.picture == whole.picture, "tiles of {tile}, bands of {rows}");
+                assert!(tiled.maps.map(|maps| maps.halves) == whole.maps.as_ref().map(|maps| maps.halves.clone()));
+            }
         }
     }
+}
+
+/// Whoever puts a tile in place waits for nobody: with more threads than tiles at work a thread that did might take up another
+/// tile, and wait for itself.
+#[test]
+fn many_threads_do_not_wait_for_each_other() {
+    let (frame, engine) = (half_still(), engine_in_tiles_of(128));
+    let alone = run(&frame, &engine, 1000, 1.0).picture;
+    let (done, was_done) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().expect("a pool");
+        for _ in 0..40 {
+            let picture = pool.install(|| run(&frame, &engine, 1000, 1.0).picture);
+            assert!(picture == alone);
+        }
+        done.send(()).expect("the test waits");
+    });
+    was_done.recv_timeout(std::time::Duration::from_secs(300)).expect("all pictures in time");
 }
 
 #[test]

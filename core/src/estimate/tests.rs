@@ -99,6 +99,37 @@ fn sums(prepared: &Prepared, corrected: &[Image; 2], correction: &Image) -> Fram
     FrameSums::of(prepared, corrected, &share, correction, 0..prepared.height())
 }
 
+/// A picture whose rows end inside a run of pixels, and the same with missing pixels beyond: the same sums.
+#[test]
+fn missing_pixels_and_the_end_of_a_row_add_nothing() {
+    let (prepared, z, _) = heavy_noise(5);
+    let (height, width, wide) = (40, 33, 48);
+    let cut = |image: &Image, width| image.crop(0, 0, height, width);
+    let of_width = |width: usize| Prepared {
+        halves: prepared.halves.each_ref().map(|half| std::sync::Arc::new(cut(half, width))),
+        denoised: cut(&prepared.denoised, width),
+        plan: Plan::everything(height, width),
+        ..prepared.clone()
+    };
+    let (narrow, mut padded) = (of_width(width), of_width(wide));
+    padded.valid = Some(Image::from_fn(1, height, wide, |_, _, x| f32::from(u8::from(x < width))));
+    let rng = &mut Rng::new(8);
+    let corrected = z.each_ref().map(|z| Image::from_fn(3, height, wide, |c, y, x| z.at(c, y, x) + 0.1 * rng.normal()));
+    let correction = Image::from_fn(3, height, wide, |_, _, _| 0.1 * rng.normal());
+    let found = sums(&padded, &corrected, &correction);
+    let expected = sums(&narrow, &corrected.each_ref().map(|image| cut(image, width)), &cut(&correction, width));
+    for of in [
+        |sums: &FrameSums| sums.loss_denoised.mean(),
+        |sums: &FrameSums| sums.loss_corrected.mean(),
+        |sums: &FrameSums| sums.gain.mean(),
+        |sums: &FrameSums| sums.error_denoised.mean(),
+        |sums: &FrameSums| sums.error_corrected.mean(),
+    ] {
+        let (found, expected) = (of(&found), of(&expected));
+        assert!(found == expected && found.value != 0.0, "{found:?} {expected:?}");
+    }
+}
+
 /// Under weights of the half compared with, this estimate is -4 times the error.
 #[test]
 fn heavy_noise_that_z_follows_does_not_make_the_estimate_negative() {

@@ -69,12 +69,12 @@ pub fn correct_source(
     Ok(Corrections { corrected, passes, notes })
 }
 
-/// A frame that is not needed afterwards: each half goes as soon as its features are there, and these beside what follows.
+/// A frame that is not needed afterwards: each half goes as soon as its features are there.
 fn whole(shared: &Shared, frame: Frame, stats: FrameStats, how: &CorrectionSettings) -> Result<Corrected, Failure> {
     let begin = Instant::now();
     let how = CorrectionSettings { rows: Some(frame.height()), ..*how };
     let composition = shared.engine.model().contract.composition;
-    let mut frame = PreparedFrame::of_owned(frame, stats, composition.skips_still_blocks()).that_stays(true);
+    let mut frame = PreparedFrame::of_owned(frame, stats, composition.skips_still_blocks());
     let features = begin.elapsed().as_secs_f64();
     let mut corrected = correct(&mut frame, shared.engine, &how, &interrupt::asked).map_err(|error| match error {
         CorrectError::Interrupted => Failure::interrupted(),
@@ -82,7 +82,6 @@ fn whole(shared: &Shared, frame: Frame, stats: FrameStats, how: &CorrectionSetti
         CorrectError::Bands(never) => match never {},
     })?;
     corrected.seconds.features += features;
-    rayon::spawn(move || drop(frame));
     Ok(corrected)
 }
 

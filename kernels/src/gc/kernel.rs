@@ -95,7 +95,7 @@ impl ViewWork {
     }
 }
 
-/// What of a view's distances those of the one before are not.
+/// Which distances of a view have to be computed: the others are there, of the view before.
 fn anew(views: &[View], at: usize) -> Anew {
     let Some(before) = at.checked_sub(1).map(|before| &views[before]) else { return Anew::ALL };
     let View { radiance, guides, .. } = views[at];
@@ -124,10 +124,10 @@ impl<U: Upstream> Correct<'_, U> {
             for row in taps.iter() {
                 let lower = upper + row.dy;
                 // For a gradient there is one view, so that the loop and what depends on it go.
-                for at in 0..if U::NEEDED { 1 } else { of_views.len() } {
-                    let ViewWork { rows, sums } = &mut of_views[at];
+                let count = if U::NEEDED { 1 } else { of_views.len() };
+                for (at, ViewWork { rows, sums }) in of_views.iter_mut().enumerate().take(count) {
                     let anew = if U::NEEDED { Anew::ALL } else { anew(views, at) };
-                    let pairs = PairsOfRows {
+                    let two = TwoRows {
                         s,
                         set,
                         masked,
@@ -137,7 +137,7 @@ impl<U: Upstream> Correct<'_, U> {
                         y: [upper as usize, lower as usize],
                         width,
                     };
-                    pairs.add::<U>(anew, distances, sums, tap_values);
+                    two.add::<U>(anew, distances, sums, tap_values);
                 }
             }
             if inside(upper) {
@@ -182,7 +182,7 @@ impl<U: Upstream> Correct<'_, U> {
 }
 
 /// Two rows of pixels of a strip, the upper one first, that are taps of each other.
-struct PairsOfRows<'a, S> {
+struct TwoRows<'a, S> {
     s: S,
     set: FeatureSet,
     masked: bool,
@@ -194,7 +194,7 @@ struct PairsOfRows<'a, S> {
     width: usize,
 }
 
-impl<S: Simd> PairsOfRows<'_, S> {
+impl<S: Simd> TwoRows<'_, S> {
     /// Adds the taps of either row in the other to the sums.
     #[inline(always)]
     fn add<U: Upstream>(&self, anew: Anew, distances: &mut Distances, sums: &mut Sums, tap_values: &mut [f32]) {

@@ -84,7 +84,7 @@ impl JointCorrection<'_> {
     /// The same of a region that lies in this one.
     pub fn within(mut self, region: Region) -> Self {
         let (down, right) = (region.top - self.region.top, region.left - self.region.left);
-        self.views.iter_mut().for_each(|view| view.parameters = view.parameters.beyond(down, right));
+        self.views.iter_mut().for_each(|view| view.parameters = view.parameters.offset_by(down, right));
         Self { region, ..self }
     }
 
@@ -184,7 +184,7 @@ impl Correction<'_> {
     pub fn in_parts(self, parts: usize) -> Vec<Self> {
         let of_part = |region: Region| {
             let (down, right) = (region.top - self.region.top, region.left - self.region.left);
-            Self { region, parameters: self.parameters.beyond(down, right), ..self }
+            Self { region, parameters: self.parameters.offset_by(down, right), ..self }
         };
         parts_of(self.region, parts).into_iter().map(of_part).collect()
     }

@@ -2,7 +2,6 @@
 
 use crate::parameters::Form;
 use crate::region::Region;
-use crate::windows::Windows;
 
 /// Activated parameters of a region.
 #[derive(Clone, Copy, Debug)]
@@ -25,19 +24,8 @@ impl<'a> ParameterPlanes<'a> {
         Self { form, values, start: 0, plane: region.pixels(), row: region.width }
     }
 
-    /// The part of a whole picture's parameters `[P, H, W]` that belongs to `region`.
-    pub fn of_picture(form: Form, values: &'a [f32], windows: &Windows, region: &Region) -> Self {
-        Self {
-            form,
-            values,
-            start: region.top * windows.width() + region.left,
-            plane: windows.height() * windows.width(),
-            row: windows.width(),
-        }
-    }
-
-    /// From so many pixels below and right of the first on.
-    pub(super) fn beyond(self, down: usize, right: usize) -> Self {
+    /// Those from so many pixels below and right of the first on.
+    pub fn offset_by(self, down: usize, right: usize) -> Self {
         Self { start: self.start + down * self.row + right, ..self }
     }
 

@@ -45,18 +45,18 @@ impl Rows {
         Self { data: Aligned::zeros((radius + 1) * ROW), radius }
     }
 
-    /// Copies row `y` (from -radius on) of a strip, radiance and all other features, with all that its windows reach to either
+    /// Copies row `y` (from -radius on) of a strip, its radiance and its other features, with all that its windows reach to either
     /// side.
-    pub(super) fn copy(&mut self, radiance: &Windows, windows: &Windows, strip: &Region, y: isize) {
+    pub(super) fn copy(&mut self, radiance: &Windows, guides: &Windows, strip: &Region, y: isize) {
         let radius = self.radius;
         // The padding of `Windows` holds the taps of a vector that starts in the last column.
         let count = strip.width + 2 * radius + MAX_LANES;
-        let row = (strip.top + windows.radius()).strict_add_signed(y);
-        let from = row * windows.stride() + strip.left + windows.radius() - radius;
+        let row = (strip.top + guides.radius()).strict_add_signed(y);
+        let from = row * guides.stride() + strip.left + guides.radius() - radius;
         let at = self.slot(y) * ROW + LEFT - radius;
-        for c in 0..FEATURE_CHANNELS + usize::from(windows.masked()) {
-            let planes = if c < ALBEDO { radiance } else { windows };
-            let source = &planes.data()[c * windows.plane() + from..][..count];
+        for c in 0..FEATURE_CHANNELS + usize::from(guides.masked()) {
+            let planes = if c < ALBEDO { radiance } else { guides };
+            let source = &planes.data()[c * guides.plane() + from..][..count];
             self.data[at + c * PITCH..][..count].copy_from_slice(source);
         }
     }

@@ -243,7 +243,7 @@ fn a_region_is_the_same_part_of_the_whole() {
         Region { top: 28, left: 89, height: 1, width: 1 },
     ] {
         let mut part = vec![0.0; 3 * region.pixels()];
-        let view = ParameterPlanes::of_picture(Form::Paper, &p, &windows, &region);
+        let view = ParameterPlanes::of_region(Form::Paper, &p, &whole).offset_by(region.top, region.left);
         let gradient = &mut vec![0.0; 15 * region.pixels()];
         of(region, view).backward(isa, &mut NoUpstream, &mut part, gradient);
         let expected = whole_image.crop(region.top, region.left, region.height, region.width);
