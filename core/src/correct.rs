@@ -24,7 +24,7 @@ use std::time::Instant;
 
 /// Memory that a band may take beside what is held of the frame and the picture.
 const BAND_BYTES: usize = 800 << 20;
-/// What a pixel of a band takes at the peak: features of both halves, what is made of them, windows of one half, the
+/// What a pixel of a band takes at the peak: features of both halves, what is made of them, windows of the tiles at work, the
 /// colours as read; about a hundred f32.
 pub const BYTES_PER_PIXEL: usize = 440;
 /// What each variant of z adds: three pictures, as read and in the method's units. The frame as one network sees it is

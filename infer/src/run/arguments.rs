@@ -44,7 +44,7 @@ pub struct RunArguments {
     #[arg(long, value_name = "EXR")]
     pub reference: Option<PathBuf>,
 
-    /// Side of the network's tiles in pixels; changes speed and memory, never the picture
+    /// Side of the tiles that go through network and g_c at a time, in pixels; changes speed and memory, never the picture
     #[arg(long, value_name = "PIXELS", default_value_t = DEFAULT_TILE, value_parser = at_least_one)]
     pub tile: usize,
 
