@@ -202,36 +202,29 @@ impl Composer<'_> {
         let prepared = &*prepared.of_variant(k);
         let height = prepared.height();
         let finished = prepared.plan.within_rows(self.limited_rows(rows, height));
-        let black = || Image::zeros(3, height, prepared.width());
-        let halves = [black(), black()];
-        let full = (self.composition == Composition::JudgedFullBuffer).then(black);
         let grid = TileGrid::new(height, prepared.width(), source.tile(), source.shape().radius());
         let tiles = grid.tiles_of_rows(0..height);
         let parts = parts_of_gc(tiles.len(), at_once());
-        // One tile is put in place while the others are computed. Nothing is computed behind the lock: a thread that waited for
-        // others there would take up another tile, and wait for the lock that it holds.
-        let pictures = Mutex::new((halves, full));
+        let is_full = self.composition == Composition::JudgedFullBuffer;
+        let pictures = TiledPictures::new(height, prepared.width(), if is_full { 3 } else { 2 });
         tiles.into_par_iter().try_for_each(|tile| {
             let runs = [weighed, &finished].map(|plan| plan.runs_in(&tile.region));
-            let (of_halves, of_full) = match weighed.touches(&tile.region) {
+            let ([a, b], of_full) = match weighed.touches(&tile.region) {
                 true => self.tile(prepared, source, k, &tile, &runs, parts)?,
                 false => ([0, 1].map(|h| colours_of(&prepared.halves[h], DENOISED, &tile.region)), None),
             };
-            let is_full = self.composition == Composition::JudgedFullBuffer;
             let of_full = is_full.then(|| {
                 let mut picture = colours_of(&prepared.denoised, 0, &tile.region);
                 of_full.iter().for_each(|of_full| put_runs(&mut picture, of_full, &runs[1]));
                 picture
             });
-            let Region { top, left, .. } = tile.region;
-            let mut pictures = pictures.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-            let (halves, full) = &mut *pictures;
-            halves.iter_mut().zip(&of_halves).for_each(|(picture, half)| picture.put(top, left, half));
-            full.iter_mut().zip(&of_full).for_each(|(picture, full)| picture.put(top, left, full));
+            pictures.put(&tile.region, &[a, b].into_iter().chain(of_full).collect::<Vec<_>>());
             Ok(())
         })?;
-        let (halves, full) = pictures.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let picture = full.unwrap_or_else(|| prepared.weights.mean_of(&halves[0], &halves[1]));
+        let mut pictures = pictures.into_images().into_iter();
+        let mut next = || pictures.next().expect("a picture of each half");
+        let halves = [next(), next()];
+        let picture = pictures.next().unwrap_or_else(|| prepared.weights.mean_of(&halves[0], &halves[1]));
         Ok(Corrections { halves, picture, choice: None, mixed: None })
     }
 
@@ -291,6 +284,26 @@ impl Composer<'_> {
     fn weighed_rows(&self, rows: &Range<usize>, height: usize) -> Range<usize> {
         let reach = self.margin() - self.taps.radius();
         rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
+    }
+}
+
+/// Pictures `[3, H, W]` that are put together from tiles: one tile is put in place while the others are computed.
+struct TiledPictures(Mutex<Vec<Image>>);
+
+impl TiledPictures {
+    fn new(height: usize, width: usize, count: usize) -> Self {
+        Self(Mutex::new((0..count).map(|_| Image::zeros(3, height, width)).collect()))
+    }
+
+    /// Puts the pixels of a tile into every picture. Nothing is computed behind the lock: a thread that waited for others there
+    /// would take up another tile meanwhile, and wait for the lock that it holds.
+    fn put(&self, &Region { top, left, .. }: &Region, tiles: &[Image]) {
+        let mut pictures = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        pictures.iter_mut().zip(tiles).for_each(|(picture, tile)| picture.put(top, left, tile));
+    }
+
+    fn into_images(self) -> Vec<Image> {
+        self.0.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }
 

@@ -70,24 +70,6 @@ fn tiles_of_any_size_give_the_same_picture() {
     }
 }
 
-/// Whoever puts a tile in place waits for nobody: with more threads than tiles at work a thread that did might take up another
-/// tile, and wait for itself.
-#[test]
-fn many_threads_do_not_wait_for_each_other() {
-    let (frame, engine) = (half_still(), engine_in_tiles_of(128));
-    let alone = run(&frame, &engine, 1000, 1.0).picture;
-    let (done, was_done) = std::sync::mpsc::channel();
-    std::thread::spawn(move || {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().expect("a pool");
-        for _ in 0..40 {
-            let picture = pool.install(|| run(&frame, &engine, 1000, 1.0).picture);
-            assert!(picture == alone);
-        }
-        done.send(()).expect("the test waits");
-    });
-    was_done.recv_timeout(std::time::Duration::from_secs(300)).expect("all pictures in time");
-}
-
 #[test]
 fn bands_do_not_show() {
     let (mut frame, engine) = (sample(), engine());
