@@ -11,7 +11,6 @@ use crate::corrector::{PictureCorrection, view};
 use crate::estimate;
 use crate::first_or_mean::{Choice, choose};
 use crate::frame_sums::FrameSums;
-use crate::objective::triple;
 use crate::outlier_limit::{LIMIT_RADIUS, limit_outliers};
 use crate::plan::Plan;
 use crate::prepare::{Guides, Prepared};
@@ -379,9 +378,8 @@ impl Corrections {
         let denoised = [&*prepared.halves[0], &*prepared.halves[1], &prepared.denoised];
         let idle = computed.idle_blocks();
         for (image, z) in self.images().into_iter().zip(denoised) {
-            for Region { top, left, height, width } in &idle {
-                let z = triple(&z.crop(*top, *left, *height, *width), z.channels() - 3);
-                image.put(*top, *left, &z);
+            for region in &idle {
+                image.put(region.top, region.left, &colours_of(z, z.channels() - 3, region));
             }
         }
     }

@@ -17,6 +17,7 @@
 //! | `residuals` | what a correction is judged by: y of the other half, and its differences |
 //! | `blend_weight` | how much of a correction is kept, pixel by pixel |
 //! | [`first_or_mean`] | of several networks, the mean or the first |
+//! | `lanes` | rows in runs of pixels, for what judges a picture |
 //! | `outlier_limit` | fireflies that only the full buffer has |
 //! | [`composition`] | what a picture is made of |
 //! | [`compose`] | corrected halves to the finished rows |
